@@ -95,7 +95,7 @@ fn crowd_with_distant_partners() {
     let mut center = |width: f32| [8.4, 1.5, 8.9].map(|at| at + random.signed() as f32 * width);
     let species: Vec<u32> = (0..2300).map(|k| [0, 0, 0, 0, 0, 0, 2, 1][k % 8]).collect();
     let spheres: Vec<_> =
-        species.iter().map(|&of| Sphere::new(center([0.25, 4.0, 0.25][of as usize]), 0.004)).collect();
+        species.iter().map(|&id| Sphere::new(center([0.25, 4.0, 0.25][id as usize]), 0.004)).collect();
     let row = |sphere: &Sphere| [sphere.center.x, sphere.center.y, sphere.center.z, sphere.radius];
     let in_f64: Vec<[f64; 4]> = spheres.iter().map(|sphere| row(sphere).map(f64::from)).collect();
     let tilted = [Some([17.0, 0.0, 0.0]), Some([3.0, 18.0, 0.0]), Some([-2.0, 4.0, 19.0])];

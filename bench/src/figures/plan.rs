@@ -92,8 +92,10 @@ impl DataPoint {
 
     pub(super) fn kind(&self) -> String {
         match (self.figure, self.scene) {
-            (Figure::Transceivers, Scene::Transceivers(of)) => format!("transceivers-x{}", of.ratio),
-            (Figure::SizeRatio, Scene::Transceivers(of)) => format!("{}-transceivers", of.count),
+            (Figure::Transceivers, Scene::Transceivers(mixture)) => {
+                format!("transceivers-x{}", mixture.ratio)
+            }
+            (Figure::SizeRatio, Scene::Transceivers(mixture)) => format!("{}-transceivers", mixture.count),
             _ => self.name(),
         }
     }

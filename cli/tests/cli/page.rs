@@ -300,8 +300,8 @@ fn controls_change_the_scene_in_a_browser() {
     let (result, said, _) = visit(&scratch, browser, &page, &until);
     assert_eq!(said, [""; 0]);
     let report: Value = serde_json::from_str(&result).unwrap();
-    let numbers = |of: &str, name: &str| -> Vec<f64> {
-        let rows = report[of].as_array().unwrap_or_else(|| panic!("{report:#}"));
+    let numbers = |section: &str, name: &str| -> Vec<f64> {
+        let rows = report[section].as_array().unwrap_or_else(|| panic!("{report:#}"));
         rows.iter().map(|row| row[name].as_f64().unwrap_or(f64::NAN)).collect()
     };
     let kinds = numbers("kinds", "pairs");

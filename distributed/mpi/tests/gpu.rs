@@ -90,7 +90,8 @@ fn particles_on_the_gpus_of_ranks_equal_one_process_on_a_gpu() {
     let said = on_two_ranks(&[&["simulate", "--backend", "gpu", "--threads", "1"], &paths[..]].concat());
     assert_eq!(said, summary);
     for name in ["series.csv", "arrivals.csv"] {
-        let [expected, found] = [&one, &ranks].map(|of| std::fs::read_to_string(of.join(name)).unwrap());
+        let [expected, found] =
+            [&one, &ranks].map(|directory| std::fs::read_to_string(directory.join(name)).unwrap());
         assert!(expected.len() > 200 && found == expected, "{name}");
     }
     let checkpoint = lazygrid_sim::run::checkpoint::Checkpoint::read(&ranks.join("checkpoint")).unwrap();

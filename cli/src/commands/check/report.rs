@@ -240,7 +240,7 @@ impl Report {
 
     fn compare_count(&mut self, called: Called, pairs: u64) {
         let Called { backend, algorithm, scene, spheres } = called;
-        let known = self.counts.iter().find(|(of, n, _)| *of == scene && *n == spheres);
+        let known = self.counts.iter().find(|(known_scene, n, _)| *known_scene == scene && *n == spheres);
         let Some(&(.., expected)) = known else {
             self.counts.push((scene, spheres, pairs));
             return;

@@ -55,9 +55,10 @@ pub(crate) fn report_input<'a>(
     mean: &'a MeanSeries,
 ) -> ReportInput<'a> {
     let run = &replicas.run;
-    let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
+    let seed_and_directory =
+        |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
     let command = command::report_command(args, run, scenario, Some(replicas.count));
-    ReportInput { run, mean, runs: results.done.iter().map(of).collect(), command }
+    ReportInput { run, mean, runs: results.done.iter().map(seed_and_directory).collect(), command }
 }
 
 pub(crate) struct Advance {

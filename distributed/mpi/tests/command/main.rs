@@ -76,8 +76,8 @@ fn every_way_to_read_gives_the_pairs_of_one_process() {
         .collect();
     let header = "1500\nProperties=species:S:1:pos:R:3:radius:R:1\n";
     std::fs::write(at("all.xyz"), format!("{header}{xyz}")).unwrap();
-    for (rank, part) in spheres.chunks(500).enumerate() {
-        std::fs::write(at(&format!("part-{rank}.npy")), npy(part)).unwrap();
+    for (rank, rows) in spheres.chunks(500).enumerate() {
+        std::fs::write(at(&format!("part-{rank}.npy")), npy(rows)).unwrap();
     }
     let expected = csv(&pairs(&spheres, Space::UNBOUNDED));
     assert!(expected.lines().count() > 500);

@@ -56,7 +56,7 @@ fn main() {
     let wanted: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
     let mut passed = 0;
     for (name, case) in CASES {
-        if wanted.is_empty() || wanted.iter().any(|part| name.contains(part.as_str())) {
+        if wanted.is_empty() || wanted.iter().any(|pattern| name.contains(pattern.as_str())) {
             case(&world);
             world.barrier();
             passed += 1;

@@ -77,11 +77,11 @@ mod tests {
     use super::*;
     use crate::read::Frames;
 
-    fn file(text: &str, body: &[u8]) -> Vec<u8> {
-        [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), body].concat()
+    fn file(text: &str, data: &[u8]) -> Vec<u8> {
+        [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), data].concat()
     }
 
-    fn body(rows: u32) -> Vec<u8> {
+    fn data(rows: u32) -> Vec<u8> {
         (0..4 * rows).flat_map(|k| (k as f32).to_le_bytes()).collect()
     }
 
@@ -94,14 +94,14 @@ mod tests {
         let structured = "{'descr': [('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('r', '<f4')], \
                            'fortran_order': False, 'shape': (10,), }";
         for text in [plain, spelled, structured] {
-            std::fs::write(&path, file(text, &body(10))).unwrap();
+            std::fs::write(&path, file(text, &data(10))).unwrap();
             let whole = Frames::open(&path, Options::default()).unwrap().next().unwrap().unwrap();
             for rows in [0..10, 0..3, 3..4, 7..10, 5..5, 8..99, 99..100] {
-                let part = NpyRows::open(&path).unwrap().unwrap();
-                assert_eq!(part.count(), 10);
+                let file_rows = NpyRows::open(&path).unwrap().unwrap();
+                assert_eq!(file_rows.count(), 10);
                 let [first, end] = [rows.start, rows.end].map(|row| row.min(10) as usize);
-                let (part, _) = part.read(rows, Options::default()).unwrap();
-                assert_eq!(part.spheres, whole.spheres[first..end]);
+                let (frame, _) = file_rows.read(rows, Options::default()).unwrap();
+                assert_eq!(frame.spheres, whole.spheres[first..end]);
             }
         }
     }
@@ -110,19 +110,19 @@ mod tests {
     fn row_that_begins_like_a_compressed_file_is_read() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.npy");
-        let mut rows = body(2);
+        let mut rows = data(2);
         rows[16..20].copy_from_slice(b"\x1F\x8B\x08\x00");
         let text = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 4), }";
         std::fs::write(&path, file(text, &rows)).unwrap();
-        let (part, _) = NpyRows::open(&path).unwrap().unwrap().read(1..2, Options::default()).unwrap();
-        assert_eq!(part.spheres[0].radius, 7.0);
+        let (frame, _) = NpyRows::open(&path).unwrap().unwrap().read(1..2, Options::default()).unwrap();
+        assert_eq!(frame.spheres[0].radius, 7.0);
     }
 
     #[test]
     fn errors_name_rows_of_the_file() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.npy");
-        let mut rows = body(10);
+        let mut rows = data(10);
         rows[8 * 16 + 12..][..4].copy_from_slice(&(-1.0_f32).to_le_bytes());
         let text = "{'descr': '<f4', 'fortran_order': False, 'shape': (10, 4), }";
         std::fs::write(&path, file(text, &rows)).unwrap();
@@ -134,20 +134,20 @@ mod tests {
     fn only_contiguous_rows_have_parts() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.npy");
-        let open = |text: &str, body: &[u8]| {
-            std::fs::write(&path, file(text, body)).unwrap();
+        let open = |text: &str, data: &[u8]| {
+            std::fs::write(&path, file(text, data)).unwrap();
             NpyRows::open(&path).map(|rows| rows.map(|rows| rows.count())).map_err(|error| error.to_string())
         };
         let text = |order: &str, shape: &str| {
             format!("{{'descr': '<f4', 'fortran_order': {order}, 'shape': {shape}, }}")
         };
-        assert_eq!(open(&text("False", "(10, 4)"), &body(10)), Ok(Some(10)));
+        assert_eq!(open(&text("False", "(10, 4)"), &data(10)), Ok(Some(10)));
         assert_eq!(open(&text("False", "(0, 4)"), &[]), Ok(Some(0)));
-        assert_eq!(open(&text("True", "(10, 4)"), &body(10)), Ok(None));
-        assert_eq!(open("{'descr':'<f4','fortran_order':True,'shape':(10,4),}", &body(10)), Ok(None));
-        let refused = |text: &str, body: &[u8]| open(text, body).unwrap_err();
-        assert!(refused(&text("False", "(11, 4)"), &body(10)).contains("after 10 of 11 rows"));
-        assert!(refused(&text("False", "(9, 4)"), &body(10)).contains("further bytes"));
-        assert!(refused(&text("False", &format!("({}, 4)", u64::MAX)), &body(10)).contains("after 10 of"));
+        assert_eq!(open(&text("True", "(10, 4)"), &data(10)), Ok(None));
+        assert_eq!(open("{'descr':'<f4','fortran_order':True,'shape':(10,4),}", &data(10)), Ok(None));
+        let refused = |text: &str, data: &[u8]| open(text, data).unwrap_err();
+        assert!(refused(&text("False", "(11, 4)"), &data(10)).contains("after 10 of 11 rows"));
+        assert!(refused(&text("False", "(9, 4)"), &data(10)).contains("further bytes"));
+        assert!(refused(&text("False", &format!("({}, 4)", u64::MAX)), &data(10)).contains("after 10 of"));
     }
 }

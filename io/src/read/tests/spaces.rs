@@ -154,7 +154,7 @@ fn refusals_name_line_and_remedy() {
         let refused = refusal(name, text, &[]);
         assert!(refused.starts_with(message), "{refused}");
         let has_remedy =
-            ["--periodic", "is not a number", "the high bound"].iter().any(|part| refused.contains(part));
+            ["--periodic", "is not a number", "the high bound"].iter().any(|phrase| refused.contains(phrase));
         assert!(has_remedy, "{refused}");
     }
 }
