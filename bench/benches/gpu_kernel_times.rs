@@ -35,7 +35,7 @@ struct Args {
 }
 
 /// Maximum number of calls until all capacities suffice.
-const TRIES: usize = 6;
+const MAX_CAPACITY_CALLS: usize = 6;
 
 struct TimedCall<'a> {
     gpu: &'a GpuDevice,
@@ -57,7 +57,7 @@ impl<'a> TimedCall<'a> {
         let mut detector = GpuDetector::new(&gpu.device, settings)?;
         let input = GpuSpheres::new(buffer, n);
         let mut found = None;
-        for _ in 0..TRIES {
+        for _ in 0..MAX_CAPACITY_CALLS {
             let output = submit(gpu, |encoder| detector.encode(encoder, &input))?;
             let outcome = download::<Outcome>(gpu, &output.outcome, 1)?[0];
             match outcome.overflow {

@@ -54,7 +54,7 @@ pub struct Program {
 }
 
 #[derive(Clone, Debug, Serialize)]
-pub struct Compiled {
+pub struct CompiledKernel {
     pub kernel: &'static str,
     pub variant: String,
     /// Bytes of workgroup memory.
@@ -69,17 +69,17 @@ pub struct Kernels {
     pub driver: String,
     /// `true` if the driver supports `VK_KHR_pipeline_executable_properties`.
     pub has_statistics: bool,
-    pub compiled: Vec<Compiled>,
+    pub compiled: Vec<CompiledKernel>,
 }
 
 impl Kernels {
-    pub fn rejected(&self) -> impl Iterator<Item = &Compiled> {
+    pub fn rejected(&self) -> impl Iterator<Item = &CompiledKernel> {
         self.compiled.iter().filter(|compiled| compiled.error.is_some())
     }
 }
 
 #[derive(Clone, Debug, Default)]
-pub struct Wanted {
+pub struct KernelSelection {
     pub only: Vec<String>,
     /// Includes variants without subgroup operations and for reused cells.
     pub all_variants: bool,
@@ -90,15 +90,16 @@ pub struct Wanted {
 ///
 /// # Errors
 /// Fails if Vulkan cannot open the adapter. Rejected kernels are part of the result.
-pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, String> {
+pub fn compile(adapter: &AdapterSummary, selection: &KernelSelection) -> Result<Kernels, String> {
     let compiler = Compiler::open(&adapter.name, adapter.has_subgroups)?;
     let smallest = adapter.has_subgroups.then_some(adapter.subgroup_sizes[0]);
     let device_variant = Variant::for_device(smallest, adapter.workgroup_memory);
     let mut compiled = Vec::new();
-    let is_wanted =
-        |kernel: &&&Kernel| wanted.only.is_empty() || wanted.only.iter().any(|name| name == kernel.name);
+    let is_wanted = |kernel: &&&Kernel| {
+        selection.only.is_empty() || selection.only.iter().any(|name| name == kernel.name)
+    };
     for kernel in KERNELS.iter().filter(is_wanted) {
-        for variant in variants(kernel, device_variant, wanted.all_variants) {
+        for variant in variants(kernel, device_variant, selection.all_variants) {
             // The driver may crash the process.
             log::info!(
                 "{}: {}, {}",
@@ -106,7 +107,7 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
                 kernel.name,
                 label(variant, kernel.effective_variant(device_variant))
             );
-            compiled.push(compile_one(&compiler, kernel, variant, device_variant, wanted.disassembly));
+            compiled.push(compile_one(&compiler, kernel, variant, device_variant, selection.disassembly));
         }
     }
     let (name, driver) = (adapter.name.clone(), adapter.driver.clone());
@@ -139,19 +140,19 @@ fn compile_one(
     variant: Variant,
     device_variant: Variant,
     with_texts: bool,
-) -> Compiled {
+) -> CompiledKernel {
     let mut workgroup_memory = 0;
-    let made = spirv::translate(kernel.name, &kernel.wgsl(variant), compiler.target).and_then(|translated| {
-        workgroup_memory = translated.workgroup_memory;
+    let made = spirv::translate(kernel.name, &kernel.wgsl(variant), compiler.target).and_then(|module| {
+        workgroup_memory = module.workgroup_memory;
         let bindings = kernel.bindings(variant).map(|binding| binding.access);
-        compiler.compile(kernel.name, &translated.words, bindings, with_texts)
+        compiler.compile(kernel.name, &module.words, bindings, with_texts)
     });
     let (programs, error) = match made {
         Ok(programs) => (programs, None),
         Err(reason) => (Vec::new(), Some(reason)),
     };
     let variant = label(variant, kernel.effective_variant(device_variant));
-    Compiled { kernel: kernel.name, variant, workgroup_memory, programs, error }
+    CompiledKernel { kernel: kernel.name, variant, workgroup_memory, programs, error }
 }
 
 fn label(variant: Variant, device_variant: Variant) -> String {

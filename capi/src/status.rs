@@ -106,7 +106,7 @@ pub fn c_text(text: String) -> CString {
 }
 
 thread_local! {
-        static LAST: RefCell<CString> = RefCell::default();
+        static LAST_MESSAGE: RefCell<CString> = RefCell::default();
 }
 
 /// Like [`guarded`], for functions without a detector: a panic also replaces this thread's error message.
@@ -125,13 +125,13 @@ pub fn without_detector(work: impl FnOnce() -> Result<(), Failure>) -> Status {
 
 fn keep(status: Status, message: CString) -> Status {
     // A thread that ends has no thread-local storage left, and no later call that reads the message.
-    let _ = LAST.try_with(|last| *last.borrow_mut() = message);
+    let _ = LAST_MESSAGE.try_with(|last| *last.borrow_mut() = message);
     status
 }
 
 /// Error message of this thread's last call without a detector.
 pub fn last_without_detector() -> *const c_char {
-    LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
+    LAST_MESSAGE.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
 }
 
 /// Returns the name of a status.

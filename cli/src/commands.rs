@@ -16,7 +16,7 @@ fn check_memory(what: &'static str, needed: u64) -> Result<(), CliError> {
 }
 
 /// Address space that glibc reserves for the heaps of other threads.
-const HEAPS: u64 = 2 * (128 << 20);
+const THREAD_HEAP_BYTES: u64 = 2 * (128 << 20);
 
 /// Refuses `what` if memory is short for it and for a few threads.
 fn check_memory_with_threads(what: &'static str, needed: u64) -> Result<(), CliError> {
@@ -29,7 +29,7 @@ fn lacking_with_threads(needed: u64) -> (u64, Option<AvailableMemory>) {
     match lacking_memory(needed) {
         Some(available) => (needed, Some(available)),
         None => {
-            let mapped = needed.saturating_add(HEAPS);
+            let mapped = needed.saturating_add(THREAD_HEAP_BYTES);
             (mapped, lacking_address_space(mapped))
         }
     }

@@ -18,14 +18,14 @@ use crate::{arrays, error};
 
 const AHEAD: usize = 2;
 
-type Sent = Result<Vec<Pair>, Error>;
+type ChunkResult = Result<Vec<Pair>, Error>;
 
 /// An iterator over chunks of pairs, uint32 of shape ``(k, 2)``, from :meth:`Detector.stream`.
 ///
 /// A thread searches some chunks ahead. ``close``, the end of a ``with`` block, and dropping the iterator end it.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Chunks {
-    chunks: Mutex<Option<Receiver<Sent>>>,
+    chunks: Mutex<Option<Receiver<ChunkResult>>>,
     stopper: StreamStopper,
     process: Process,
 }
@@ -52,7 +52,7 @@ impl Chunks {
     }
 
     /// The next chunk; the outer `None` if none has arrived yet.
-    fn take(&self) -> Option<Option<Sent>> {
+    fn take(&self) -> Option<Option<ChunkResult>> {
         let mut chunks = self.chunks.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(receiver) = &*chunks else { return Some(None) };
         match receiver.recv_timeout(SIGNAL_POLL) {
@@ -173,7 +173,7 @@ impl OwnedSpheres {
     }
 }
 
-fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncSender<Sent>) {
+fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncSender<ChunkResult>) {
     let mut refused = None;
     let send = |pairs: &[Pair]| {
         let sent =

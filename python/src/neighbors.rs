@@ -75,9 +75,9 @@ impl Cutoffs<'_> {
 const MAX_KEPT_ENTRIES: usize = 1 << 23;
 
 /// The detectors of the last call. New memory would take a third of the next call's time.
-static LAST: Mutex<Option<Last>> = Mutex::new(None);
+static LAST_DETECTORS: Mutex<Option<LastDetectors>> = Mutex::new(None);
 
-struct Last {
+struct LastDetectors {
     cell: [[f64; 3]; 3],
     table: Vec<f64>,
     detectors: Arc<DetectorPool>,
@@ -85,9 +85,9 @@ struct Last {
 
 /// Returns the last call's detectors, if their settings fit, or new ones.
 fn detectors(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>) -> PyResult<Arc<DetectorPool>> {
-    let last = LAST.lock().unwrap_or_else(PoisonError::into_inner).take();
+    let last = LAST_DETECTORS.lock().unwrap_or_else(PoisonError::into_inner).take();
     let fitting = last.filter(|last| last.cell == cell && last.table == cutoffs.table());
-    if let Some(Last { detectors, .. }) = fitting {
+    if let Some(LastDetectors { detectors, .. }) = fitting {
         return Ok(detectors);
     }
     let vectors = cell.map(|vector| (vector != [0.0; 3]).then_some(vector));
@@ -100,8 +100,8 @@ fn detectors(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>) -> PyResult<Arc<Detecto
 }
 
 fn keep(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>, detectors: Arc<DetectorPool>) {
-    let last = Last { cell, table: cutoffs.table().to_vec(), detectors };
-    *LAST.lock().unwrap_or_else(PoisonError::into_inner) = Some(last);
+    let last = LastDetectors { cell, table: cutoffs.table().to_vec(), detectors };
+    *LAST_DETECTORS.lock().unwrap_or_else(PoisonError::into_inner) = Some(last);
 }
 
 /// Returns the number of spheres whose search takes about as long. Beyond half a height of the cell, the number of

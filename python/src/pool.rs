@@ -29,11 +29,11 @@ pub(crate) struct DetectorPool {
     is_on_cpu: bool,
     /// The process that has the threads of the idle detectors, or the connection to their GPU.
     process: Option<Process>,
-    idle: Mutex<Idle>,
+    idle: Mutex<IdleDetectors>,
 }
 
 #[expect(clippy::vec_box, reason = "a lease moves the pointer, not the detector")]
-struct Idle {
+struct IdleDetectors {
     detectors: Vec<Box<PooledDetector>>,
     of_streams: Vec<Box<PooledDetector>>,
     report: Report,
@@ -54,7 +54,7 @@ impl DetectorPool {
             }
         };
         let stream_config = threads.is_none().then(|| config.clone().threads(default_threads()));
-        let idle = Mutex::new(Idle { report, detectors: vec![first], of_streams: Vec::new() });
+        let idle = Mutex::new(IdleDetectors { report, detectors: vec![first], of_streams: Vec::new() });
         Ok(Arc::new(Self { config, stream_config, is_single_threaded, is_on_cpu, process, idle }))
     }
 
@@ -94,12 +94,12 @@ impl DetectorPool {
         self.idle().report.clone()
     }
 
-    fn idle(&self) -> MutexGuard<'_, Idle> {
+    fn idle(&self) -> MutexGuard<'_, IdleDetectors> {
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl Idle {
+impl IdleDetectors {
     #[expect(clippy::vec_box, reason = "as in the structure")]
     fn detectors(&mut self, has_stream_config: bool) -> &mut Vec<Box<PooledDetector>> {
         if has_stream_config { &mut self.of_streams } else { &mut self.detectors }

@@ -17,25 +17,25 @@ use lazygrid_tests::{DetectorVariant, SuiteVariant, variants};
 struct Refusing;
 
 /// Smallest large allocation, above the text of a message.
-const LARGE: usize = 4096;
+const MIN_LARGE_BYTES: usize = 4096;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
 /// Number of large allocations that still succeed; `usize::MAX` for all.
-static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
+static GRANTED_ALLOCATIONS: AtomicUsize = AtomicUsize::new(usize::MAX);
 /// Total bytes above which large allocations are refused.
 static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
 static REFUSED: AtomicUsize = AtomicUsize::new(0);
 /// Held by the running test, because tests share the allocator.
-static ALONE: Mutex<()> = Mutex::new(());
+static TEST_LOCK: Mutex<()> = Mutex::new(());
 
 // SAFETY: every call is forwarded unchanged to the system allocator, or returns null, which is how an
 // allocator reports failure. The counters touch no memory of the caller.
 unsafe impl GlobalAlloc for Refusing {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let size = layout.size();
-        if size >= LARGE {
+        if size >= MIN_LARGE_BYTES {
             let one_less = |grants: usize| (grants > 0).then(|| grants - usize::from(grants < usize::MAX));
-            let granted = GRANTS.fetch_update(SeqCst, SeqCst, one_less).is_ok();
+            let granted = GRANTED_ALLOCATIONS.fetch_update(SeqCst, SeqCst, one_less).is_ok();
             if !granted || LIVE.load(SeqCst).saturating_add(size) > LIMIT.load(SeqCst) {
                 REFUSED.fetch_add(1, SeqCst);
                 return std::ptr::null_mut();
@@ -67,18 +67,18 @@ impl Refusal {
     fn during<T>(self, work: impl FnOnce() -> T) -> (T, usize) {
         REFUSED.store(0, SeqCst);
         match self {
-            Self::After(grants) => GRANTS.store(grants, SeqCst),
+            Self::After(grants) => GRANTED_ALLOCATIONS.store(grants, SeqCst),
             Self::Above(bytes) => LIMIT.store(LIVE.load(SeqCst) + bytes, SeqCst),
         }
         let result = work();
-        GRANTS.store(usize::MAX, SeqCst);
+        GRANTED_ALLOCATIONS.store(usize::MAX, SeqCst);
         LIMIT.store(usize::MAX, SeqCst);
         (result, REFUSED.load(SeqCst))
     }
 }
 
 #[derive(Clone, Copy, Debug)]
-enum Ask {
+enum RequestKind {
     Canonical,
     Unordered,
     Neighbors,
@@ -88,7 +88,7 @@ enum Ask {
     StreamUnordered,
 }
 
-impl Ask {
+impl RequestKind {
     const ALL: [Self; 6] = [
         Self::Canonical,
         Self::Unordered,
@@ -162,8 +162,8 @@ fn walk_after(
 ) {
     let mut detector = Detector::new(config.clone()).expect("a detector");
     let found = detector.count(query).expect("there is memory");
-    for ask in Ask::ALL {
-        let config = ask.config(config.clone(), found);
+    for request in RequestKind::ALL {
+        let config = request.config(config.clone(), found);
         let new = || {
             let mut detector = Detector::new(config.clone()).expect("a detector");
             if let Some(before) = before {
@@ -172,23 +172,26 @@ fn walk_after(
             detector
         };
         let mut streamed = Vec::with_capacity(1 << 20);
-        let all = ask.answer(&mut new(), query, &mut streamed).expect("there is memory");
+        let all = request.answer(&mut new(), query, &mut streamed).expect("there is memory");
         let mut refusals = 0;
         let returns = if before.is_some() { 2 } else { 1 };
         for k in 0.. {
             let (mut detector, refusal) = (new(), next(k / returns));
-            let (answer, refused) = refusal.during(|| ask.answer(&mut detector, query, &mut streamed));
-            let case = format!("{variant}, {ask:?}, {refusal:?}");
+            let (answer, refused) = refusal.during(|| request.answer(&mut detector, query, &mut streamed));
+            let case = format!("{variant}, {request:?}, {refusal:?}");
             match answer {
                 Ok(answer) => assert_eq!(answer, all, "{case}"),
                 Err(ref error @ Error::OutOfMemory { what, bytes }) => {
-                    assert!(refused > 0 && bytes as usize >= LARGE && !what.is_empty(), "{case}: {error}");
+                    assert!(
+                        refused > 0 && bytes as usize >= MIN_LARGE_BYTES && !what.is_empty(),
+                        "{case}: {error}"
+                    );
                     assert!(error.to_string().contains(&bytes.to_string()), "{case}: {error}");
                     refusals += 1;
                     if let Some(before) = before.filter(|_| k % returns == 1) {
                         assert!(detector.count(before).is_ok(), "{case}: the earlier query");
                     }
-                    let again = ask.answer(&mut detector, query, &mut streamed);
+                    let again = request.answer(&mut detector, query, &mut streamed);
                     assert_eq!(again, Ok(all), "{case}: the repeated query");
                 }
                 Err(error) => panic!("{case}: {error}"),
@@ -198,7 +201,7 @@ fn walk_after(
             }
         }
         // Kept candidates may serve a query without allocation.
-        assert!(refusals > 0 || before.is_some(), "{variant}, {ask:?}: nothing was refused");
+        assert!(refusals > 0 || before.is_some(), "{variant}, {request:?}: nothing was refused");
     }
 }
 
@@ -212,7 +215,7 @@ fn variants() -> impl Iterator<Item = DetectorVariant> {
 
 #[test]
 fn failed_allocation_is_an_error_wherever_it_occurs() {
-    let _alone = ALONE.lock();
+    let _alone = TEST_LOCK.lock();
     let sizes = Scene::FiveSizes.spheres(1300, 41);
     let burst = Scene::Burst.spheres(1200, 42);
     let mut cluster = Scene::Equal.spheres(1300, 43);
@@ -268,7 +271,7 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
             walk(variant, &config().interactions(table.clone()), with_species, Refusal::After);
             walk(variant, &few().space(periodic), Spheres::from(&sizes), Refusal::After);
             // Limits from a page up, in steps of 30 %.
-            let above = |k: usize| Refusal::Above((LARGE as f64 * 1.3_f64.powi(k as i32)) as usize);
+            let above = |k: usize| Refusal::Above((MIN_LARGE_BYTES as f64 * 1.3_f64.powi(k as i32)) as usize);
             walk(variant, &few(), Spheres::from(&cluster), above);
         });
     }
@@ -306,7 +309,7 @@ fn frame(path: &Path) -> Result<Frame, lazygrid_io::Error> {
 #[test]
 fn failed_allocation_of_a_reader_is_an_error() {
     const ROWS: u32 = 30_000;
-    let _alone = ALONE.lock();
+    let _alone = TEST_LOCK.lock();
     let directory = tempfile::tempdir().expect("a directory");
     let write = |name: &str, header: &str, row: &dyn Fn(u32) -> String| {
         let path = directory.path().join(name);

@@ -43,11 +43,12 @@ pub(crate) fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Ra
     spheres
 }
 
-const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
+const IMAGE_RANGE: std::ops::RangeInclusive<i32> = -2..=2;
 
 fn images(space: &Space) -> Vec<[f64; 3]> {
     let vectors = space.cell_vectors();
-    let [counts_a, counts_b, counts_c] = vectors.map(|vector| if vector.is_some() { NEAR } else { 0..=0 });
+    let [counts_a, counts_b, counts_c] =
+        vectors.map(|vector| if vector.is_some() { IMAGE_RANGE } else { 0..=0 });
     let mut images = Vec::new();
     for a in counts_a {
         for b in counts_b.clone() {

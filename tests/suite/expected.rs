@@ -53,15 +53,15 @@ fn equal_spheres_in_a_ball_by_the_formula() {
 /// Spheres near a face are repeated at the opposite face. A pair counts once, by its original spheres.
 #[test]
 fn a_periodic_box_by_the_formula() {
-    const EDGE: f32 = 40.0;
+    const SIDE: f32 = 40.0;
     let sizes = [(1500_u64, 1.0_f64), (3000, 0.5), (6000, 0.25)];
-    let expected = periodic_box_pairs(&sizes, f64::from(EDGE).powi(3));
+    let expected = periodic_box_pairs(&sizes, f64::from(SIDE).powi(3));
     let mut detector = Detector::new(Config::default()).expect("a detector");
     let mut total = 0;
     for seed in 0..SEEDS {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        // Shifting a coordinate by `EDGE` rounds by at most 2⁻¹⁹, far below the statistical error.
-        let mut coordinate = || (rng.next_u32() >> 8) as f32 * (EDGE / (1 << 24) as f32);
+        // Shifting a coordinate by `SIDE` rounds by at most 2⁻¹⁹, far below the statistical error.
+        let mut coordinate = || (rng.next_u32() >> 8) as f32 * (SIDE / (1 << 24) as f32);
         let mut spheres = Vec::new();
         for &(count, radius) in &sizes {
             for _ in 0..count {
@@ -72,9 +72,9 @@ fn a_periodic_box_by_the_formula() {
         let mut original: Vec<usize> = (0..originals).collect();
         for k in 0..originals {
             for shift in 1..27 {
-                let step = [shift % 3, shift / 3 % 3, shift / 9].map(|s| [0.0, EDGE, -EDGE][s as usize]);
+                let step = [shift % 3, shift / 3 % 3, shift / 9].map(|s| [0.0, SIDE, -SIDE][s as usize]);
                 let center = spheres[k].center + glam::Vec3::from(step);
-                if center.min_element() > -2.0 && center.max_element() < EDGE + 2.0 {
+                if center.min_element() > -2.0 && center.max_element() < SIDE + 2.0 {
                     spheres.push(Sphere::new(center, spheres[k].radius));
                     original.push(k);
                 }

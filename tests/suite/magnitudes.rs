@@ -112,31 +112,32 @@ fn table(unit: f64) -> Interactions {
 
 #[test]
 fn two_sets_groups_and_exclusions_of_any_magnitude_match_the_contract() {
-    const SPLIT: usize = 80;
-    let base = scene(2 * SPLIT, &mut Random(41));
+    const FIRST_SET_SIZE: usize = 80;
+    let base = scene(2 * FIRST_SET_SIZE, &mut Random(41));
     // Spheres that touch by construction are in different sets.
     let base: Vec<_> = [0, 1].into_iter().flat_map(|k| base.iter().copied().skip(k).step_by(2)).collect();
-    let ids: Vec<u32> = (0..2 * SPLIT as u32).map(|k| k % 2).collect();
+    let ids: Vec<u32> = (0..2 * FIRST_SET_SIZE as u32).map(|k| k % 2).collect();
     let groups: Vec<u32> =
-        (0..2 * SPLIT as u32).map(|k| if k % 5 == 0 { Spheres::NO_GROUP } else { k % 3 }).collect();
+        (0..2 * FIRST_SET_SIZE as u32).map(|k| if k % 5 == 0 { Spheres::NO_GROUP } else { k % 3 }).collect();
     for (magnitude, number) in [(0, 1), (0, 3), (5, 2), (5, 4), (6, 0), (6, 1), (7, 3)] {
         let magnitude = MAGNITUDES[magnitude];
         let mut all = oracle(&base, &spaces_of(quantized)[number], Some(&table(1.0)));
-        all.retain(|pair| (pair.i as usize) < SPLIT && pair.j as usize >= SPLIT);
+        all.retain(|pair| (pair.i as usize) < FIRST_SET_SIZE && pair.j as usize >= FIRST_SET_SIZE);
         let is_grouped = |pair: &Pair| {
             let [a, b] = [pair.i, pair.j].map(|k| groups[k as usize]);
             a == b && a != Spheres::NO_GROUP
         };
         let grouped = all.iter().filter(|pair| is_grouped(pair)).count();
         all.retain(|pair| !is_grouped(pair));
-        let all: Vec<_> = all.iter().map(|pair| (pair.i, pair.j - SPLIT as u32)).collect();
-        let exclusions = Exclusions::across(SPLIT, SPLIT, all.iter().step_by(3).copied()).expect("in range");
+        let all: Vec<_> = all.iter().map(|pair| (pair.i, pair.j - FIRST_SET_SIZE as u32)).collect();
+        let exclusions = Exclusions::across(FIRST_SET_SIZE, FIRST_SET_SIZE, all.iter().step_by(3).copied())
+            .expect("in range");
         let remaining = all.iter().filter(|&&(i, j)| !exclusions.contains(i, j));
         let expected: Vec<_> = remaining.map(|&(i, j)| Pair { i, j }).collect();
         assert!(grouped > 0 && expected.len() > 30, "{grouped} and {}", expected.len());
 
         let (spheres, space) = (magnitude.exact_spheres(&base), magnitude.spaces()[number]);
-        let [first, second] = [0..SPLIT, SPLIT..2 * SPLIT].map(|range| {
+        let [first, second] = [0..FIRST_SET_SIZE, FIRST_SET_SIZE..2 * FIRST_SET_SIZE].map(|range| {
             let set = Spheres::from(&spheres[range.clone()]).with_species(&ids[range.clone()]);
             set.and_then(|set| set.with_groups(&groups[range])).expect("one each")
         });

@@ -50,8 +50,8 @@ struct Measurement {
 
 impl Measurement {
     fn alone() -> Self {
-        static ALONE: Mutex<()> = Mutex::new(());
-        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+        static TEST_LOCK: Mutex<()> = Mutex::new(());
+        let alone = TEST_LOCK.lock().unwrap_or_else(PoisonError::into_inner);
         // The memory of thread pools and SIMD detection belongs to no detector.
         in_pool(1, || lazygrid::detect(&[] as &[Sphere]).is_ok());
         Self { live: 0, _alone: alone }
@@ -82,7 +82,7 @@ fn on_cpu(variants: Vec<DetectorVariant>) -> impl Iterator<Item = DetectorVarian
 }
 
 /// Bytes for reports, plans and padding, which the estimate excludes.
-const FIXED: usize = 16 << 10;
+const FIXED_BYTES: usize = 16 << 10;
 /// Number of measurements; threads that the test harness starts meanwhile add to some, but not to all.
 const MEASUREMENTS: usize = 3;
 
@@ -144,7 +144,7 @@ fn memory_for_is_an_upper_bound() {
                     let mut detector = Detector::new(variant.settings()).expect("a detector");
                     variant.run(|| detector.count(spheres)).expect("a count");
                     let peak = measurement.peak();
-                    (peak, variant.run(|| detector.memory_for(n as u64)) as usize + FIXED)
+                    (peak, variant.run(|| detector.memory_for(n as u64)) as usize + FIXED_BYTES)
                 });
                 assert!(peak <= bound, "{variant}, {scene}, {n}: {peak} bytes exceed the bound of {bound}");
             }
@@ -170,7 +170,7 @@ fn memory_for_is_an_upper_bound_with_species() {
                         variant.run(|| detector.count(query)).expect("a count");
                     });
                     let peak = measurement.peak();
-                    (peak, variant.run(|| detector.memory_for(n as u64)) as usize + FIXED)
+                    (peak, variant.run(|| detector.memory_for(n as u64)) as usize + FIXED_BYTES)
                 });
                 assert!(peak <= bound, "{variant}, {species}, {n}: {peak} bytes exceed the bound of {bound}");
             }
@@ -199,7 +199,7 @@ fn memory_for_is_an_upper_bound_for_several_threads() {
             let mut detector = Detector::new(config.skin(Skin::Off)).expect("a detector");
             detector.count(&spheres[..2]).expect("a count");
             measurement.start();
-            let bound = detector.memory_for(spheres.len() as u64) as usize + FIXED;
+            let bound = detector.memory_for(spheres.len() as u64) as usize + FIXED_BYTES;
             for call in 0..8 {
                 detector.count(&spheres).expect("a count");
                 // A growing buffer briefly needs the old one too, so only the remaining memory is compared.
@@ -270,7 +270,7 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
             }
             measurement.used()
         });
-        let bound = detector.memory_for(60_000) as usize + FIXED;
+        let bound = detector.memory_for(60_000) as usize + FIXED_BYTES;
         assert!(used <= bound, "{variant}: {used} bytes exceed the bound of {bound}");
     }
 }
@@ -289,7 +289,8 @@ fn memory_for_is_an_upper_bound_for_growing_grids_of_small_cells() {
                 Detector::new(variant.settings().cell_ratio(ratio).threads(1)).expect("a detector");
             for n in (18_000..=24_000).step_by(600) {
                 detector.count(&spheres[..n]).expect("a count");
-                let (used, bound) = (measurement.used(), detector.memory_for(n as u64) as usize + FIXED);
+                let (used, bound) =
+                    (measurement.used(), detector.memory_for(n as u64) as usize + FIXED_BYTES);
                 assert!(used <= bound, "{variant}, {ratio}, {n}: {used} bytes exceed the bound of {bound}");
             }
         }
@@ -312,7 +313,7 @@ fn memory_for_includes_candidates() {
                 variant.run(|| detector.count(&spheres)).expect("a count");
             }
             let peak = measurement.peak();
-            let bound = variant.run(|| detector.memory_for(N as u64)) as usize + FIXED;
+            let bound = variant.run(|| detector.memory_for(N as u64)) as usize + FIXED_BYTES;
             assert!(peak <= bound, "{variant}, {extent}: {peak} bytes exceed the bound of {bound}");
             most = most.max(if detector.report().candidates.is_some() { peak } else { 0 });
         }

@@ -36,7 +36,7 @@ fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64;
 }
 
 /// Number of images in each direction along each cell vector that the oracle tests.
-const FAR: i32 = 7;
+const MAX_IMAGES: i32 = 7;
 
 /// `cutoff` returns the cutoff of a pair, or `None` if it never pairs.
 fn oracle(
@@ -47,7 +47,7 @@ fn oracle(
     cutoff: impl Fn(usize, usize) -> Option<f64>,
 ) -> Vec<Entry> {
     let vectors = space.cell_vectors();
-    let counts = vectors.map(|vector| if vector.is_some() { -FAR..=FAR } else { 0..=0 });
+    let counts = vectors.map(|vector| if vector.is_some() { -MAX_IMAGES..=MAX_IMAGES } else { 0..=0 });
     let mut entries = Vec::new();
     for (i, a) in rows.iter().enumerate() {
         for (j, b) in others.iter().enumerate() {
@@ -67,7 +67,10 @@ fn oracle(
                         let squared = x * x + y * y + z * z;
                         let distance = squared.sqrt();
                         if if is_open { distance < cutoff } else { squared <= cutoff * cutoff } {
-                            assert!(shift.iter().all(|count| count.abs() < FAR), "FAR is too small");
+                            assert!(
+                                shift.iter().all(|count| count.abs() < MAX_IMAGES),
+                                "MAX_IMAGES is too small"
+                            );
                             let pair = Pair { i: i as u32, j: j as u32 };
                             entries.push(Entry { pair, shift, vector, distance });
                         }

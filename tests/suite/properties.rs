@@ -7,7 +7,7 @@ use proptest::sample::select;
 use proptest::test_runner::{RngSeed, TestCaseError, TestError, TestRunner};
 
 /// Divisor of the number of cases unless `LAZYGRID_TEST_FULL` is set, because software adapters are slow.
-const SHORT: u32 = 3;
+const CASES_DIVISOR: u32 = 3;
 
 /// Uses a fixed seed. `PROPTEST_CASES` and `PROPTEST_RNG_SEED` replace the number and the seed.
 pub(crate) fn check<S>(cases: u32, strategy: S, test: impl Fn(S::Value) -> Result<(), String>)
@@ -19,7 +19,7 @@ where
         ProptestConfig { failure_persistence: None, max_shrink_iters: 5000, ..ProptestConfig::default() };
     if std::env::var_os("PROPTEST_CASES").is_none() {
         let is_long = std::env::var_os("LAZYGRID_TEST_FULL").is_some();
-        config.cases = if is_long { cases } else { cases.div_ceil(SHORT) };
+        config.cases = if is_long { cases } else { cases.div_ceil(CASES_DIVISOR) };
     }
     if config.rng_seed == RngSeed::Random {
         config.rng_seed = RngSeed::Fixed(20);

@@ -7,29 +7,29 @@ use proptest::prelude::*;
 use crate::properties::{check, one_of_each, settings};
 
 #[derive(Clone, Copy, Debug)]
-enum Call {
+enum QueryKind {
     Pairs,
     Count,
     Neighbors,
     Stream,
 }
 
-fn call() -> impl Strategy<Value = Call> {
-    prop_oneof![3 => Just(Call::Pairs), 1 => Just(Call::Count), 1 => Just(Call::Neighbors), 1 => Just(Call::Stream)]
+fn call() -> impl Strategy<Value = QueryKind> {
+    prop_oneof![3 => Just(QueryKind::Pairs), 1 => Just(QueryKind::Count), 1 => Just(QueryKind::Neighbors), 1 => Just(QueryKind::Stream)]
 }
 
 fn ask(
     variant: DetectorVariant,
     detector: &mut Detector,
-    call: Call,
+    call: QueryKind,
     scenario: &TestInput,
 ) -> Result<(), String> {
     let (view, expected) = (scenario.query(), variant.own_pairs(scenario, &scenario.oracle())?);
     let found = match call {
-        Call::Pairs => Some(detector.pairs(view).map_err(|e| e.to_string())?.to_vec()),
-        Call::Count => detector.count(view).map(|_| None).map_err(|e| e.to_string())?,
-        Call::Neighbors => Some(listed(detector, view)?),
-        Call::Stream => Some(streamed(detector, view, 100)?),
+        QueryKind::Pairs => Some(detector.pairs(view).map_err(|e| e.to_string())?.to_vec()),
+        QueryKind::Count => detector.count(view).map(|_| None).map_err(|e| e.to_string())?,
+        QueryKind::Neighbors => Some(listed(detector, view)?),
+        QueryKind::Stream => Some(streamed(detector, view, 100)?),
     };
     let reported = detector.report().pairs;
     if reported != expected.len() as u64 {
@@ -69,7 +69,7 @@ fn calls_after_errors_are_right() {
         for _ in 0..2 {
             assert!(detector.pairs(bad.query()).is_err(), "{variant}");
             assert!(detector.pairs(coincident.query()).is_err(), "{variant}");
-            for call in [Call::Pairs, Call::Neighbors, Call::Stream, Call::Count] {
+            for call in [QueryKind::Pairs, QueryKind::Neighbors, QueryKind::Stream, QueryKind::Count] {
                 ask(variant, &mut detector, call, &good)
                     .unwrap_or_else(|text| panic!("{variant}, {call:?}: {text}"));
             }

@@ -12,7 +12,7 @@ use crate::{Args, NAIVE_LIMIT, Output, config, contender, value_name};
 type Sample = (memory::Sample, f64);
 
 #[derive(Clone, Copy)]
-struct Kind {
+struct SweepCase {
     scene: Scene,
     algorithm: Algorithm,
     output: Output,
@@ -26,7 +26,7 @@ pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     for &scene in &args.options.scene {
         for &algorithm in &args.algorithm {
             for &output in &args.output {
-                rows.extend(rows_of(args, Kind { scene, algorithm, output }, &mut answers)?);
+                rows.extend(rows_of(args, SweepCase { scene, algorithm, output }, &mut answers)?);
             }
         }
     }
@@ -49,15 +49,15 @@ pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn rows_of(args: &Args, kind: Kind, answers: &mut Answers) -> Result<Vec<Vec<String>>, Box<dyn Error>> {
-    let Kind { scene, algorithm, output } = kind;
+fn rows_of(args: &Args, case: SweepCase, answers: &mut Answers) -> Result<Vec<Vec<String>>, Box<dyn Error>> {
+    let SweepCase { scene, algorithm, output } = case;
     let sizes = args.options.n.iter().copied();
     let sizes: Vec<usize> = sizes.filter(|&n| algorithm != Algorithm::Naive || n <= NAIVE_LIMIT).collect();
     let mut samples = vec![vec![]; sizes.len()];
     for _ in 0..args.options.rounds {
         for (k, &n) in sizes.iter().enumerate() {
-            let sample = spawn(args, kind, n)?;
-            check(answers, kind, n, &sample.0)?;
+            let sample = spawn(args, case, n)?;
+            check(answers, case, n, &sample.0)?;
             samples[k].push(sample);
         }
     }
@@ -83,8 +83,8 @@ fn rows_of(args: &Args, kind: Kind, answers: &mut Answers) -> Result<Vec<Vec<Str
     Ok((0..sizes.len()).map(row).collect())
 }
 
-fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
-    let Kind { scene, algorithm, output } = kind;
+fn spawn(args: &Args, case: SweepCase, n: usize) -> Result<Sample, Box<dyn Error>> {
+    let SweepCase { scene, algorithm, output } = case;
     let options = &args.options;
     let mut command = Command::new(std::env::current_exe()?);
     command.args(["--child", "--scene", scene.name(), "--algorithm", algorithm.name()]);
@@ -99,11 +99,16 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
     })?)
 }
 
-fn check(answers: &mut Answers, kind: Kind, n: usize, sample: &memory::Sample) -> Result<(), Box<dyn Error>> {
-    let (pairs, sum) = answers.entry((kind.scene.name(), n)).or_insert((sample.pairs, sample.sum));
+fn check(
+    answers: &mut Answers,
+    case: SweepCase,
+    n: usize,
+    sample: &memory::Sample,
+) -> Result<(), Box<dyn Error>> {
+    let (pairs, sum) = answers.entry((case.scene.name(), n)).or_insert((sample.pairs, sample.sum));
     *sum = sum.or(sample.sum);
     if *pairs != sample.pairs || sample.sum.is_some_and(|found| *sum != Some(found)) {
-        let Kind { scene, algorithm, .. } = kind;
+        let SweepCase { scene, algorithm, .. } = case;
         let found = sample.pairs;
         return Err(format!("{algorithm}, {n} spheres of {scene}: {found} pairs, not {pairs}").into());
     }

@@ -2,21 +2,21 @@ use std::fs;
 use std::path::Path;
 
 use lazygrid::gpu::{AdapterSummary, adapters};
-use lazygrid_bench::kernels::{self, Compiled, Wanted};
+use lazygrid_bench::kernels::{self, CompiledKernel, KernelSelection};
 
 use crate::command::args::Kernels;
 use crate::command::failure::Failure;
 use crate::print;
 
 pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
-    let wanted = Wanted {
+    let selection = KernelSelection {
         only: args.only.clone(),
         all_variants: args.all_variants,
         disassembly: args.disassembly.is_some(),
     };
     let (mut found, mut rejected, mut printed) = (Vec::new(), 0, Ok(()));
     for adapter in chosen(args)? {
-        let kernels = kernels::compile(&adapter, &wanted).map_err(Failure::Kernels)?;
+        let kernels = kernels::compile(&adapter, &selection).map_err(Failure::Kernels)?;
         rejected += kernels.rejected().count();
         if let Some(folder) = &args.disassembly {
             kernels
@@ -52,7 +52,7 @@ fn chosen(args: &Kernels) -> Result<Vec<AdapterSummary>, Failure> {
     }
 }
 
-fn write_texts(compiled: &Compiled, folder: &Path) -> Result<(), Failure> {
+fn write_texts(compiled: &CompiledKernel, folder: &Path) -> Result<(), Failure> {
     let failed =
         |path: &Path, e: std::io::Error| Failure::Kernels(format!("{}: cannot write: {e}", path.display()));
     fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;

@@ -30,13 +30,13 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
 /// Steps of 2 ns, in which √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm.
 const STEPS_PER_SECOND: f64 = 5e8;
 /// Volume fraction of the initial ball: about the freezing density of hard spheres.
-const FILLED: f64 = 0.5;
+const INITIAL_FILLING: f64 = 0.5;
 /// Time step in seconds that moves particles by less than rounding errors.
-const STILL: f64 = 1e-30;
+const NEGLIGIBLE_TIME_STEP: f64 = 1e-30;
 /// Relative growth of radii while overlaps are removed, because rounding would leave small overlaps.
 const MARGIN: f32 = 1e-3;
 /// Maximum number of steps that remove the initial overlaps.
-const PUSHES: u32 = 200;
+const MAX_SEPARATION_STEPS: u32 = 200;
 
 fn moments(times: u32, last: u32) -> Vec<u32> {
     let mut moments: Vec<u32> =
@@ -83,11 +83,11 @@ pub(super) fn rows(
 }
 
 fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
-    let mut still = Model { time_step: STILL, ..model.clone() };
+    let mut still = Model { time_step: NEGLIGIBLE_TIME_STEP, ..model.clone() };
     still.species.iter_mut().for_each(|species| species.radius *= 1.0 + MARGIN);
     let mut pushed = Simulation::new(still, seed, Algorithm::Auto)?;
     let mut detector = Detector::new(Config::default().backend(Backend::Cpu))?;
-    for _ in 0..PUSHES {
+    for _ in 0..MAX_SEPARATION_STEPS {
         pushed.step()?;
         let mut state = pushed.state().clone();
         let State { particles, .. } = &mut state;
@@ -99,7 +99,7 @@ fn begin(model: Model, seed: u64) -> Result<Simulation, Box<dyn Error>> {
             return Ok(burst);
         }
     }
-    Err(format!("carriers still overlap after {PUSHES} initial pushes").into())
+    Err(format!("carriers still overlap after {MAX_SEPARATION_STEPS} initial pushes").into())
 }
 
 fn model(n: usize) -> Result<Model, Box<dyn Error>> {
@@ -112,7 +112,7 @@ fn model(n: usize) -> Result<Model, Box<dyn Error>> {
         let cubed = |&(species, count): &(u32, u32)| {
             f64::from(count) * f64::from(model.species[species as usize].radius).powi(3)
         };
-        let radius = (transmitter.release.iter().map(cubed).sum::<f64>() / FILLED).cbrt();
+        let radius = (transmitter.release.iter().map(cubed).sum::<f64>() / INITIAL_FILLING).cbrt();
         transmitter.shape = Shape::Shell(0.0, radius as f32);
     }
     (model.time_step, model.contact) = (1.0 / STEPS_PER_SECOND, Contact::Separate);
@@ -159,7 +159,7 @@ mod tests {
         let begun = spheres(&begin(model, 1).expect("positions for all carriers"));
         assert!(lazygrid::detect(&begun).expect("spheres").is_empty());
         let filled: f64 = begun.iter().map(|s| f64::from(s.radius).powi(3)).sum::<f64>();
-        assert!((filled / f64::from(radius).powi(3) - FILLED).abs() < 1e-4);
+        assert!((filled / f64::from(radius).powi(3) - INITIAL_FILLING).abs() < 1e-4);
         // In a ball, r² has a mean of 3/5 and a standard deviation of √(12/175) of the squared radius.
         let uniform = 0.6 * f64::from(radius).powi(2);
         let all = spread(begun.iter().copied()) / uniform;

@@ -16,7 +16,7 @@ const MAX_OVERTIME_FACTOR: u32 = 3;
 
 /// Warm-up time per engine if numbers of threads are compared: threads that were just woken may share a core for
 /// milliseconds.
-const WAKING: Duration = Duration::from_millis(40);
+const WARM_UP: Duration = Duration::from_millis(40);
 
 #[derive(Clone, Copy, Debug, Error)]
 #[error("{0}")]
@@ -151,7 +151,7 @@ impl ContenderRun {
     fn wake(&mut self, point: &DataPoint, spheres: &[Sphere]) {
         let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
         let begun = Instant::now();
-        while begun.elapsed() < WAKING {
+        while begun.elapsed() < WARM_UP {
             let _ = search.run(black_box(spheres)).map(black_box);
         }
     }

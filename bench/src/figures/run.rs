@@ -15,13 +15,13 @@ use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::AtomicFile;
 
 /// Fraction of a point's time for measured runs; the rest is for spheres, references and warm-ups.
-const MEASURED: f64 = 0.6;
+const MEASURED_FRACTION: f64 = 0.6;
 /// An engine is left out if one run would take longer than both this multiple of its time at the point and
 /// [`always_allowed_seconds`].
 const MAX_TIME_FACTOR: f64 = 4.0;
 
 /// Multiple of the time budget after which the remaining points, the largest, are left out.
-const OVERRUN: f64 = 1.5;
+const MAX_OVERRUN: f64 = 1.5;
 
 #[derive(Clone, Debug)]
 pub struct Progress {
@@ -106,7 +106,7 @@ impl TimeBudget {
         let weight: f64 = left.map(|(point, _)| point.weight()).sum();
         let seconds = settings.minutes * 60.0 * weight / all.max(f64::MIN_POSITIVE);
         let (now, time) = (Instant::now(), Duration::from_secs_f64(seconds.clamp(0.0, 1e7)));
-        Self { end: now + time, latest: now + time.mul_f64(OVERRUN), weight }
+        Self { end: now + time, latest: now + time.mul_f64(MAX_OVERRUN), weight }
     }
 
     fn is_over(&self) -> bool {
@@ -134,7 +134,7 @@ fn rows_of(
     program: &Path,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
     let at_least = if settings.scale == RunScale::Full { 3 } else { 2 };
-    let time = time_limit.mul_f64(MEASURED / point.contenders.len().max(1) as f64);
+    let time = time_limit.mul_f64(MEASURED_FRACTION / point.contenders.len().max(1) as f64);
     let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: time_limit };
     let too_long = |contender: Contender| {
         let seconds = predicted(contender, point, earlier)?;

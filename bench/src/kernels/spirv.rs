@@ -11,12 +11,12 @@ pub(super) struct Target {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Translated {
+pub(super) struct SpirvModule {
     pub(super) words: Vec<u32>,
     pub(super) workgroup_memory: u32,
 }
 
-pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<Translated, String> {
+pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<SpirvModule, String> {
     let module = naga::front::wgsl::parse_str(wgsl).map_err(|error| error.emit_to_string(wgsl))?;
     let capabilities = Capabilities::SUBGROUP | Capabilities::SUBGROUP_BARRIER;
     let info = Validator::new(ValidationFlags::all(), capabilities)
@@ -30,7 +30,7 @@ pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<Transl
     let shared = |(_, variable): (_, &naga::GlobalVariable)| {
         (variable.space == AddressSpace::WorkGroup).then(|| layouter[variable.ty].size)
     };
-    Ok(Translated { words, workgroup_memory: module.global_variables.iter().filter_map(shared).sum() })
+    Ok(SpirvModule { words, workgroup_memory: module.global_variables.iter().filter_map(shared).sum() })
 }
 
 /// Returns the options of `wgpu_hal::vulkan` for lazygrid's pipelines, which neither bound loops nor clear

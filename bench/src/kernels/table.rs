@@ -1,9 +1,9 @@
 use std::fmt::{self, Display};
 
-use super::{Compiled, Kernels, Program};
+use super::{CompiledKernel, Kernels, Program};
 use crate::measure::markdown;
 
-type Row<'a> = (&'a Compiled, &'a Program);
+type Row<'a> = (&'a CompiledKernel, &'a Program);
 
 impl Display for Kernels {
     /// Constant columns become a line below the table.
@@ -36,7 +36,7 @@ impl Display for Kernels {
     }
 }
 
-fn rows(compiled: &Compiled) -> impl Iterator<Item = Row<'_>> {
+fn rows(compiled: &CompiledKernel) -> impl Iterator<Item = Row<'_>> {
     compiled.programs.iter().map(move |program| (compiled, program))
 }
 
@@ -68,18 +68,18 @@ mod tests {
     use super::super::{Number, Statistic};
     use super::*;
 
-    fn compiled(kernel: &'static str, registers: u64) -> Compiled {
+    fn compiled(kernel: &'static str, registers: u64) -> CompiledKernel {
         let named =
             |(name, value): (&str, u64)| Statistic { name: name.to_owned(), value: Number::Whole(value) };
         let statistics = [("Registers", registers), ("Spills", 0), ("Hash", registers)].map(named).to_vec();
         let program = Program { name: "CS".to_owned(), subgroup: 32, statistics, texts: Vec::new() };
         let variant = "plain".to_owned();
-        Compiled { kernel, variant, workgroup_memory: 64, programs: vec![program], error: None }
+        CompiledKernel { kernel, variant, workgroup_memory: 64, programs: vec![program], error: None }
     }
 
     #[test]
     fn constant_columns_become_a_line() {
-        let rejected = Compiled {
+        let rejected = CompiledKernel {
             programs: Vec::new(),
             error: Some("VK_ERROR".to_owned()),
             ..compiled("radix_count", 0)

@@ -19,7 +19,7 @@ pub(super) struct Compiler {
     _entry: ash::Entry,
 }
 
-struct Offered {
+struct DeviceSupport {
     robustness: bool,
     executables: bool,
     varying_subgroups: bool,
@@ -45,7 +45,7 @@ impl Compiler {
         }
     }
 
-    fn on(instance: &ash::Instance, name: &str, uses_subgroups: bool) -> Result<Opened, String> {
+    fn on(instance: &ash::Instance, name: &str, uses_subgroups: bool) -> Result<OpenedDevice, String> {
         // SAFETY: the instance is alive.
         let found = unsafe { instance.enumerate_physical_devices() };
         let found = found.map_err(failed("vkEnumeratePhysicalDevices"))?;
@@ -56,15 +56,21 @@ impl Compiler {
         });
         let (physical, version) = named.ok_or_else(|| format!("Vulkan has no device {name}"))?;
         let version = (vk::api_version_major(version), vk::api_version_minor(version));
-        let offered = offered(instance, physical, version)?;
-        let device = device(instance, physical, &offered)?;
-        let executables =
-            offered.executables.then(|| khr::pipeline_executable_properties::Device::new(instance, &device));
-        let stage = match uses_subgroups && offered.varying_subgroups {
+        let device_support = device_support(instance, physical, version)?;
+        let device = device(instance, physical, &device_support)?;
+        let executables = device_support
+            .executables
+            .then(|| khr::pipeline_executable_properties::Device::new(instance, &device));
+        let stage = match uses_subgroups && device_support.varying_subgroups {
             true => vk::PipelineShaderStageCreateFlags::ALLOW_VARYING_SUBGROUP_SIZE,
             false => vk::PipelineShaderStageCreateFlags::empty(),
         };
-        Ok((device, Target { vulkan: version, checks_buffers: offered.robustness }, executables, stage))
+        Ok((
+            device,
+            Target { vulkan: version, checks_buffers: device_support.robustness },
+            executables,
+            stage,
+        ))
     }
 
     pub(super) fn compile(
@@ -78,7 +84,8 @@ impl Compiler {
         let bindings: Vec<_> =
             (0..).zip(bindings).map(|(number, access)| described(number, access)).collect();
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        let mut made = Made { device: &self.device, module: None, set: None, layout: None, pipeline: None };
+        let mut made =
+            PipelineObjects { device: &self.device, module: None, set: None, layout: None, pipeline: None };
         // SAFETY: the device is alive and `info` outlives the call.
         let set = unsafe { self.device.create_descriptor_set_layout(&info, None) };
         let sets = [*made.set.insert(set.map_err(failed("vkCreateDescriptorSetLayout"))?)];
@@ -128,8 +135,8 @@ impl Compiler {
 
 impl Drop for Compiler {
     fn drop(&mut self) {
-        // SAFETY: all objects of the device are destroyed (`Made` is dropped at the end of each call), nothing was
-        // submitted, and neither handle is used any more.
+        // SAFETY: all objects of the device are destroyed (each call drops its `PipelineObjects`), nothing was submitted,
+        // and neither handle is used any more.
         unsafe {
             self.device.destroy_device(None);
             self.instance.destroy_instance(None);
@@ -137,23 +144,23 @@ impl Drop for Compiler {
     }
 }
 
-type Opened = (
+type OpenedDevice = (
     ash::Device,
     Target,
     Option<khr::pipeline_executable_properties::Device>,
     vk::PipelineShaderStageCreateFlags,
 );
 
-fn offered(
+fn device_support(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     version: (u32, u32),
-) -> Result<Offered, String> {
+) -> Result<DeviceSupport, String> {
     // SAFETY: the device comes from this instance, which is alive.
     let extensions = unsafe { instance.enumerate_device_extension_properties(physical) };
     let extensions = extensions.map_err(failed("vkEnumerateDeviceExtensionProperties"))?;
     let has = |name: &CStr| {
-        extensions.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|offered| offered == name))
+        extensions.iter().any(|e| e.extension_name_as_c_str().is_ok_and(|extension| extension == name))
     };
     let mut robustness = vk::PhysicalDeviceRobustness2FeaturesEXT::default();
     let mut executables = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
@@ -173,7 +180,7 @@ fn offered(
         // knows, and outlives the call.
         unsafe { instance.get_physical_device_features2(physical, &mut features) };
     }
-    Ok(Offered {
+    Ok(DeviceSupport {
         robustness: robustness.robust_buffer_access2 == vk::TRUE,
         executables: executables.pipeline_executable_info == vk::TRUE,
         varying_subgroups: subgroups.subgroup_size_control == vk::TRUE,
@@ -184,7 +191,7 @@ fn offered(
 fn device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
-    offered: &Offered,
+    device_support: &DeviceSupport,
 ) -> Result<ash::Device, String> {
     let mut robustness = vk::PhysicalDeviceRobustness2FeaturesEXT::default().robust_buffer_access2(true);
     let mut executables =
@@ -195,15 +202,15 @@ fn device(
     let queues = [vk::DeviceQueueCreateInfo::default().queue_priorities(&priorities)];
     let mut extensions = Vec::new();
     let mut info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).enabled_features(&features);
-    if offered.robustness {
+    if device_support.robustness {
         extensions.push(ext::robustness2::NAME.as_ptr());
         info = info.push_next(&mut robustness);
     }
-    if offered.executables {
+    if device_support.executables {
         extensions.push(khr::pipeline_executable_properties::NAME.as_ptr());
         info = info.push_next(&mut executables);
     }
-    if offered.varying_subgroups {
+    if device_support.varying_subgroups {
         info = info.push_next(&mut subgroups);
     }
     info = info.enabled_extension_names(&extensions);
@@ -225,7 +232,7 @@ fn described(number: u32, access: Access) -> vk::DescriptorSetLayoutBinding<'sta
         .stage_flags(vk::ShaderStageFlags::COMPUTE)
 }
 
-struct Made<'a> {
+struct PipelineObjects<'a> {
     device: &'a ash::Device,
     module: Option<vk::ShaderModule>,
     set: Option<vk::DescriptorSetLayout>,
@@ -233,7 +240,7 @@ struct Made<'a> {
     pipeline: Option<vk::Pipeline>,
 }
 
-impl Drop for Made<'_> {
+impl Drop for PipelineObjects<'_> {
     fn drop(&mut self) {
         // SAFETY: all objects come from this device, which is alive; none was submitted or is used any more.
         unsafe {

@@ -9,10 +9,10 @@ use crate::error::CliError;
 use crate::printer::Printer;
 
 /// Bytes that a software driver maps (llvmpipe). It ends the process if memory is refused to it.
-const NEEDED: u64 = 576 << 20;
+const NEEDED_BYTES: u64 = 576 << 20;
 
 pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
-    check_memory("the calibration", NEEDED + memory_of_driver_threads())?;
+    check_memory("the calibration", NEEDED_BYTES + memory_of_driver_threads())?;
     let gpu = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
     let gpu = gpu.map_err(CliError::Calibration)?;
     // Fails before measurements that take seconds.

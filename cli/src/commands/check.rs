@@ -33,10 +33,10 @@ const FULL_CPU_BYTES: u64 = 1 << 30;
 const GPU_BYTES: u64 = 700 << 20;
 
 /// Attempts to shrink a failing case.
-const TRIES: usize = 1500;
+const MAX_SHRINK_ATTEMPTS: usize = 1500;
 
 /// Failing rounds that end the fuzzer.
-const ENOUGH: usize = 10;
+const MAX_WRONG_ROUNDS: usize = 10;
 
 pub(crate) fn run(args: &Check) -> Result<(), CliError> {
     check_memory("the check", cpu_bytes(args))?;
@@ -54,16 +54,16 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
         Some(_) => 1,
         None => gpu.as_ref().map_or(0, |_| KERNELS) + backends * (SCENES + SPEEDS) + fuzz,
     };
-    let work = Work { args, gpu, on_cpu, bar: progress::working(weight) };
-    let mut report = Report::new(args, work.gpu.as_ref(), skipped);
+    let context = CheckContext { args, gpu, on_cpu, bar: progress::working(weight) };
+    let mut report = Report::new(args, context.gpu.as_ref(), skipped);
     let result = catch_panic(|| {
         match args.seed {
-            Some(seed) => work.repeat(seed, &mut report),
-            None => work.all(&mut report),
+            Some(seed) => context.repeat(seed, &mut report),
+            None => context.all(&mut report),
         }
         Ok(())
     });
-    work.bar.finish_and_clear();
+    context.bar.finish_and_clear();
     if let Err(what) = result {
         let name = "the check itself".to_owned();
         report.failure(FailedCase { name, what, ..FailedCase::default() });
@@ -104,7 +104,7 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
     }
 }
 
-struct Runner<'a> {
+struct VariantResult<'a> {
     variant: &'a DetectorVariant,
     pace: Pace,
     left_out: usize,
@@ -113,7 +113,7 @@ struct Runner<'a> {
     smallest: Option<(&'a SceneCase, String)>,
 }
 
-impl<'a> Runner<'a> {
+impl<'a> VariantResult<'a> {
     fn new(variant: &'a DetectorVariant) -> Self {
         Self { variant, pace: Pace::default(), left_out: 0, not_taken: 0, wrong: 0, smallest: None }
     }
@@ -128,9 +128,12 @@ impl<'a> Runner<'a> {
     }
 }
 
-fn by_algorithm(runners: &[Runner<'_>], scenes: fn(&Runner<'_>) -> usize) -> Vec<(String, usize)> {
+fn by_algorithm(
+    results: &[VariantResult<'_>],
+    scenes: fn(&VariantResult<'_>) -> usize,
+) -> Vec<(String, usize)> {
     let mut sums: Vec<(String, usize)> = Vec::new();
-    for (variant, scenes) in runners.iter().map(|runner| (runner.variant, scenes(runner))) {
+    for (variant, scenes) in results.iter().map(|result| (result.variant, scenes(result))) {
         let name = format!("{} on {}", variant.algorithm, variant.backend());
         match sums.iter_mut().find(|(other, _)| *other == name) {
             _ if scenes == 0 => {}
@@ -141,14 +144,14 @@ fn by_algorithm(runners: &[Runner<'_>], scenes: fn(&Runner<'_>) -> usize) -> Vec
     sums
 }
 
-struct Work<'a> {
+struct CheckContext<'a> {
     args: &'a Check,
     gpu: Option<Gpu>,
     on_cpu: bool,
     bar: ProgressBar,
 }
 
-impl Work<'_> {
+impl CheckContext<'_> {
     fn all(&self, report: &mut Report) {
         if let Some(gpu) = &self.gpu {
             self.kernels(gpu, report);
@@ -189,7 +192,8 @@ impl Work<'_> {
         let on_cpu = if self.on_cpu { DetectorVariant::on_cpu() } else { Vec::new() };
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
         let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };
-        let mut runners: Vec<Runner<'_>> = on_gpu.iter().chain(&on_cpu).map(Runner::new).collect();
+        let mut results: Vec<VariantResult<'_>> =
+            on_gpu.iter().chain(&on_cpu).map(VariantResult::new).collect();
         for (k, case) in cases.iter().enumerate() {
             self.step(from, backends * SCENES, [k, cases.len()], &format!("scenes: {}", case.name));
             let expected = match compare::expected(&case.scenario) {
@@ -203,28 +207,28 @@ impl Work<'_> {
                 }
             };
             let spheres = case.scenario.spheres.len();
-            for runner in &mut runners {
-                if !runner.variant.takes(self.gpu.as_ref(), &case.scenario) {
-                    runner.not_taken += 1;
+            for result in &mut results {
+                if !result.variant.takes(self.gpu.as_ref(), &case.scenario) {
+                    result.not_taken += 1;
                     continue;
                 }
-                if runner.pace.forecast(runner.variant, spheres) > most {
-                    runner.left_out += 1;
+                if result.pace.forecast(result.variant, spheres) > most {
+                    result.left_out += 1;
                     continue;
                 }
                 let start = Instant::now();
-                let fault = case.fault(runner.variant, self.gpu.as_ref(), &expected);
-                runner.pace.saw(runner.variant, spheres, start.elapsed().as_secs_f64());
-                runner.note(case, fault);
+                let fault = case.fault(result.variant, self.gpu.as_ref(), &expected);
+                result.pace.saw(result.variant, spheres, start.elapsed().as_secs_f64());
+                result.note(case, fault);
             }
         }
         let [left_out, not_taken] =
-            [|runner: &Runner<'_>| runner.left_out, |runner: &Runner<'_>| runner.not_taken]
-                .map(|scenes| by_algorithm(&runners, scenes));
-        for Runner { variant, wrong, smallest, .. } in runners {
+            [|result: &VariantResult<'_>| result.left_out, |result: &VariantResult<'_>| result.not_taken]
+                .map(|scenes| by_algorithm(&results, scenes));
+        for VariantResult { variant, wrong, smallest, .. } in results {
             if let Some((case, what)) = smallest {
                 self.bar.set_message(format!("making small: {}", case.name));
-                let mut fault = case.failure(variant, self.gpu.as_ref(), what, TRIES);
+                let mut fault = case.failure(variant, self.gpu.as_ref(), what, MAX_SHRINK_ATTEMPTS);
                 fault.what += &format!("; wrong in {wrong} of {} scenes, this was the smallest", cases.len());
                 self.suspend_bar(|| report.failure(fault));
             }
@@ -242,7 +246,7 @@ impl Work<'_> {
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let first = u64::from(since.subsec_nanos()) * 1000;
         let (mut rounds, mut wrong, mut tally) = (0, 0, Tally::default());
-        while start.elapsed() < time && wrong < ENOUGH {
+        while start.elapsed() < time && wrong < MAX_WRONG_ROUNDS {
             self.bar.set_position(from + start.elapsed().as_secs());
             self.bar.set_message(format!("fuzz: {rounds} rounds"));
             wrong += self.round(first + rounds, &mut tally, report);
@@ -253,8 +257,12 @@ impl Work<'_> {
 
     fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> usize {
         let (gpu, has_gpu) = (self.gpu.as_ref(), self.gpu.is_some());
-        let round = Sequence::round(seed, self.on_cpu, has_gpu).check(gpu, TRIES, &mut Tally::default());
-        let sequence = Sequence::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES, tally);
+        let round = Sequence::round(seed, self.on_cpu, has_gpu).check(
+            gpu,
+            MAX_SHRINK_ATTEMPTS,
+            &mut Tally::default(),
+        );
+        let sequence = Sequence::drawn(seed, self.on_cpu, has_gpu).check(gpu, MAX_SHRINK_ATTEMPTS, tally);
         let faults: Vec<_> = round.into_iter().chain(sequence).collect();
         let wrong = faults.len();
         faults.into_iter().for_each(|fault| self.suspend_bar(|| report.failure(fault)));

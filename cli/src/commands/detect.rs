@@ -13,7 +13,7 @@ use lazygrid_io::write::{AtomicFile, Output};
 use lazygrid_io::{AvailableMemory, lacking_memory};
 use same_file::Handle;
 
-use self::exclusions::Excluded;
+use self::exclusions::ExclusionFile;
 use self::input::{IndexedFrame, Input};
 use self::search::{FrameDetector, Search};
 use self::summary::Summary;
@@ -33,7 +33,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
         check_memory_of_driver("the search on a GPU")?;
     }
     let mut frames = FrameDetector::new(config)?;
-    let mut excluded = Excluded::read(args)?;
+    let mut excluded = ExclusionFile::read(args)?;
     let mut input = Input::open(args)?;
     if output.as_ref().is_some_and(|output| output.path.is_none()) {
         check_output()?;

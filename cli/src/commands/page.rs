@@ -25,10 +25,10 @@ const SCRIPTS: [&str; 6] = [
 ];
 
 /// Bytes for the contents before they are compressed.
-const NEEDED: u64 = 128 << 20;
+const NEEDED_BYTES: u64 = 128 << 20;
 
 pub(crate) fn run(args: &PageArgs) -> Result<(), CliError> {
-    check_memory_with_threads("the page", NEEDED)?;
+    check_memory_with_threads("the page", NEEDED_BYTES)?;
     let progress = Progress::new(None);
     progress.say("counting the pairs of all scenes");
     let contents = bundle::contents(env!("CARGO_PKG_VERSION"), env!("LAZYGRID_COMMIT"))?;

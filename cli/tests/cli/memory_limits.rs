@@ -48,9 +48,11 @@ fn limited_with(mebibytes: u64, variables: &[(&str, &str)], args: &[&str]) -> (i
 }
 
 fn limits(most: f64) -> Vec<u64> {
-    const LEAST: f64 = 56.0;
+    const MIN_MEBIBYTES: f64 = 56.0;
     let count = if std::env::var_os("LAZYGRID_TEST_FULL").is_some() { 35 } else { 4 };
-    (0..=count).map(|k| (LEAST * (most / LEAST).powf(f64::from(k) / f64::from(count))) as u64).collect()
+    (0..=count)
+        .map(|k| (MIN_MEBIBYTES * (most / MIN_MEBIBYTES).powf(f64::from(k) / f64::from(count))) as u64)
+        .collect()
 }
 
 #[test]

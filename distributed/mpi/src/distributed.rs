@@ -33,7 +33,7 @@ pub struct Distributed {
     report: Report,
 }
 
-struct Prepared {
+struct PreparedSearch {
     owned: Vec<u64>,
     ghosts: Ghosts,
 }
@@ -193,7 +193,7 @@ impl Distributed {
         &self.report
     }
 
-    fn prepare(&mut self, local: LocalSpheres<'_>) -> Result<Prepared, Error> {
+    fn prepare(&mut self, local: LocalSpheres<'_>) -> Result<PreparedSearch, Error> {
         self.comm.take_sent();
         let rank = self.comm.rank();
         let species = self.config.interactions.as_ref().map(|table| table.species());
@@ -207,7 +207,7 @@ impl Distributed {
             let leaving = self.leaving(self.wrapper.wrap_all(local.particles()))?;
             Ghosts::exchange(&mut self.comm, &leaving, particle)?
         };
-        Ok(Prepared { owned: owned.of_ranks, ghosts })
+        Ok(PreparedSearch { owned: owned.of_ranks, ghosts })
     }
 
     /// Collective.
@@ -251,7 +251,7 @@ impl Distributed {
         found.map_err(|error| Error::from_detector(rank, error))
     }
 
-    fn update_report(&mut self, prepared: Prepared, counts: PairCounts) -> Result<(), Error> {
+    fn update_report(&mut self, prepared: PreparedSearch, counts: PairCounts) -> Result<(), Error> {
         let ghosts = prepared.ghosts.particles().len() as u64;
         let (all_counts, _) =
             self.comm.all_gather("counts", &[[ghosts, counts.reported(), counts.elsewhere]])?;

@@ -5,7 +5,7 @@ pub trait Coordinate: Pod + PartialOrd + Into<f64> + Send + Sync {
     /// Smallest radius that limits no distance.
     const UNLIMITED: Self;
     /// `true` if wrapping into a periodic space enlarges radii.
-    const GROWS: bool;
+    const WRAPPING_ENLARGES_RADII: bool;
 
     /// Converts a species group for messages.
     fn from_group(group: u32) -> Self;
@@ -16,7 +16,7 @@ pub trait Coordinate: Pod + PartialOrd + Into<f64> + Send + Sync {
 impl Coordinate for f32 {
     // Effective radii are cut at this number.
     const UNLIMITED: Self = Self::MAX;
-    const GROWS: bool = false;
+    const WRAPPING_ENLARGES_RADII: bool = false;
 
     #[inline]
     fn from_group(group: u32) -> Self {
@@ -31,7 +31,7 @@ impl Coordinate for f32 {
 
 impl Coordinate for f64 {
     const UNLIMITED: Self = Self::INFINITY;
-    const GROWS: bool = true;
+    const WRAPPING_ENLARGES_RADII: bool = true;
 
     #[inline]
     fn from_group(group: u32) -> Self {

@@ -11,7 +11,7 @@ use crate::{
 };
 
 #[derive(Clone, Debug, Default)]
-pub struct Reported {
+pub struct RankPairs {
     /// Ids, the smaller first, in any order.
     pub pairs: Vec<[u64; 2]>,
     pub counts: PairCounts,
@@ -86,7 +86,7 @@ impl InProcessRanks {
     ///
     /// # Errors
     /// See [`Detector::new`] and [`Detector::count`].
-    pub fn pairs(&self, config: &Config) -> Result<Vec<Reported>, Error> {
+    pub fn pairs(&self, config: &Config) -> Result<Vec<RankPairs>, Error> {
         let each = self.owned.iter().zip(&self.ghosts).enumerate();
         each.map(|(rank, (owned, ghosts))| self.pairs_of(rank as u32, config, owned, ghosts)).collect()
     }
@@ -97,7 +97,7 @@ impl InProcessRanks {
         config: &Config,
         owned: &[Particle],
         ghosts: &Ghosts,
-    ) -> Result<Reported, Error> {
+    ) -> Result<RankPairs, Error> {
         let detector = Detector::new(config.clone().order(Order::Unordered))?;
         let mut search = Search::by_one(detector, self.wrapper.clone(), rank, self.owned.len() as u32);
         let rows: Vec<_> = owned.iter().map(|particle| particle.sphere).collect();
@@ -118,6 +118,6 @@ impl InProcessRanks {
         })?;
         let counted = search.count(spheres, ghosts)?;
         debug_assert_eq!(counted.reported(), counts.reported());
-        Ok(Reported { pairs, counts })
+        Ok(RankPairs { pairs, counts })
     }
 }

@@ -7,7 +7,7 @@ pub struct LoadBalance {
 
 impl LoadBalance {
     /// With few spheres per rank, this surplus is no imbalance.
-    const SLACK: f64 = 64.0;
+    const MIN_SURPLUS: f64 = 64.0;
 
     pub fn from_counts(each: &[u64]) -> Self {
         let most = each.iter().copied().max().unwrap_or(0);
@@ -26,7 +26,7 @@ impl LoadBalance {
     /// whose imbalance was `fresh`, would give it.
     pub fn is_imbalanced(&self, bound: f64, fresh: f64) -> bool {
         let mean = self.total as f64 / f64::from(self.ranks.max(1));
-        self.most as f64 > mean * bound.max(fresh * 1.05) + Self::SLACK
+        self.most as f64 > mean * bound.max(fresh * 1.05) + Self::MIN_SURPLUS
     }
 }
 

@@ -16,7 +16,7 @@ use lazygrid_ranks::{
 use proptest::prelude::*;
 use proptest::sample::select;
 
-const EDGE: f32 = 12.0;
+const SIDE: f32 = 12.0;
 const TABLES: [[Interaction; 6]; 2] = [
     [Touch, Within(0.7), Touch, Touch, Never, Touch],
     [Within(0.1), Within(1.5), Within(0.7), Never, Within(0.05), Within(0.4)],
@@ -38,7 +38,7 @@ enum Change {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Fail {
+struct InjectedFailure {
     rank: u32,
     radius: bool,
 }
@@ -54,12 +54,12 @@ enum Placement {
 struct Frame {
     particles: Vec<Particle>,
     placement: Placement,
-    fails: Option<Fail>,
+    fails: Option<InjectedFailure>,
 }
 
 #[derive(Clone, Debug)]
 struct Scene {
-    changes: Vec<(Change, Option<Fail>)>,
+    changes: Vec<(Change, Option<InjectedFailure>)>,
     ranks: u32,
     is_periodic: bool,
     interactions: Option<[Interaction; 6]>,
@@ -72,7 +72,7 @@ fn random(id: u64, stream: u64) -> f32 {
 }
 
 fn point(id: u64, stream: u64) -> [f32; 3] {
-    [0, 1, 2].map(|axis| EDGE * random(id, 4 * stream + axis))
+    [0, 1, 2].map(|axis| SIDE * random(id, 4 * stream + axis))
 }
 
 fn particle(id: u64) -> Particle {
@@ -130,7 +130,7 @@ impl Scene {
     }
 
     fn space(&self) -> Space {
-        if self.is_periodic { Space::periodic([Some(f64::from(EDGE)); 3]).unwrap() } else { Space::UNBOUNDED }
+        if self.is_periodic { Space::periodic([Some(f64::from(SIDE)); 3]).unwrap() } else { Space::UNBOUNDED }
     }
 
     fn check(&self) {
@@ -253,7 +253,7 @@ fn change() -> impl Strategy<Value = Change> {
 }
 
 fn scene() -> impl Strategy<Value = Scene> {
-    let fail = (any::<u32>(), any::<bool>()).prop_map(|(rank, radius)| Fail { rank, radius });
+    let fail = (any::<u32>(), any::<bool>()).prop_map(|(rank, radius)| InjectedFailure { rank, radius });
     let changes = prop::collection::vec((change(), prop::option::weighted(0.4, fail)), 1..16);
     let algorithm =
         select(vec![Algorithm::Auto, Algorithm::Auto, Algorithm::CellList, Algorithm::RecursiveGrid]);
@@ -285,7 +285,7 @@ fn candidate_list_of_tiny_spheres_is_rebuilt_when_radii_grow() {
     for (ranks, skin) in [(1, Skin::Auto), (3, Skin::Auto), (2, Skin::Fixed(0.2))] {
         for n in [420, 900] {
             let radii = |factor| Change::Radii { factor, all: true };
-            let fail = Some(Fail { rank: 0, radius: false });
+            let fail = Some(InjectedFailure { rank: 0, radius: false });
             let changes = vec![
                 (Change::Resize(n), None),
                 (radii(1e-3), None),

@@ -13,7 +13,7 @@ use super::lines::Lines;
 use super::read_context::ReadContext;
 use super::rows::{AnnouncedRows, Table};
 use super::source::Source;
-use super::{Frame, RESERVE};
+use super::{Frame, MAX_RESERVED_SPHERES};
 use crate::error::{Error, Location};
 
 pub(super) struct Lammps {
@@ -91,7 +91,11 @@ impl Lammps {
             (None, Some(bounds)) => bounds.cell.space(&bounds.location, context.doubles)?,
             (None, None) => Space::UNBOUNDED,
         };
-        let mut frame = Frame { step: head.step, space, ..Frame::with_capacity(atoms.min(RESERVE), context) };
+        let mut frame = Frame {
+            step: head.step,
+            space,
+            ..Frame::with_capacity(atoms.min(MAX_RESERVED_SPHERES), context)
+        };
         let scaled = columns.has(Column::Scaled(0));
         let table = Atoms { columns, scale: head.bounds.filter(|_| scaled) };
         self.lines.rows(&table, AnnouncedRows { what: "atoms", count: atoms }, context, &mut frame)?;

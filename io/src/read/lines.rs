@@ -9,12 +9,12 @@ use super::source::Source;
 use crate::error::{Error, Location, Position};
 
 /// Each block is up to four times the previous one.
-const FIRST_BLOCK: usize = 1 << 16;
+const FIRST_READ_BYTES: usize = 1 << 16;
 /// Maximum bytes of a block, per thread and in all.
-const SHARE: usize = 1 << 20;
-const LARGEST_BLOCK: usize = 32 << 20;
+const READ_BYTES_PER_THREAD: usize = 1 << 20;
+const MAX_READ_BYTES: usize = 32 << 20;
 /// Bytes per task, up to the end of a line.
-const MAX_BLOCK_BYTES: usize = 1 << 17;
+const TASK_BYTES: usize = 1 << 17;
 
 pub(super) struct Lines {
     source: Source,
@@ -40,7 +40,7 @@ impl Lines {
     pub(super) fn new(source: Source) -> Self {
         Self {
             source,
-            buffer: vec![0; FIRST_BLOCK],
+            buffer: vec![0; FIRST_READ_BYTES],
             spare: Vec::new(),
             unread: 0..0,
             line: 0..0,
@@ -199,7 +199,7 @@ impl<'a> Text<'a> {
         let (mut blocks, mut lines, mut at) = (Vec::new(), 0, 0);
         while lines < most && at < self.bytes.len() {
             let rest = &self.bytes[at..];
-            let near = memrchr(b'\n', &rest[..rest.len().min(MAX_BLOCK_BYTES)]);
+            let near = memrchr(b'\n', &rest[..rest.len().min(TASK_BYTES)]);
             let end = near.or_else(|| memchr(b'\n', rest)).map(|end| end + 1);
             let Some(mut end) = end.or(self.ended.then_some(rest.len())) else { break };
             let mut within = memchr_iter(b'\n', &rest[..end]).count() as u64;
@@ -253,8 +253,8 @@ fn start_threads(path: &Path) -> Result<(), Error> {
 /// Returns the length of the next block, and starts the threads that parse it.
 fn larger(bytes: usize, path: &Path) -> Result<usize, Error> {
     start_threads(path)?;
-    let most = (SHARE * rayon::current_num_threads()).clamp(2 * LONGEST_LINE, LARGEST_BLOCK);
-    Ok((4 * bytes).clamp(FIRST_BLOCK, most))
+    let most = (READ_BYTES_PER_THREAD * rayon::current_num_threads()).clamp(2 * LONGEST_LINE, MAX_READ_BYTES);
+    Ok((4 * bytes).clamp(FIRST_READ_BYTES, most))
 }
 
 impl<'a> LineBlock<'a> {

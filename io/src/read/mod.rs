@@ -55,7 +55,7 @@ pub use precision::Precision;
 pub use species::{Radii, Species};
 
 /// Limits the memory reserved for a declared number of spheres.
-const RESERVE: u64 = 1 << 20;
+const MAX_RESERVED_SPHERES: u64 = 1 << 20;
 
 /// A file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -11,12 +11,12 @@ use super::rows::Table;
 use super::source::Source;
 use crate::error::Error;
 
-struct Listing(Columns);
+struct ListingTable(Columns);
 
 pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, Error> {
     let axes = ["x", "y", "z"].into_iter().enumerate().map(|(k, axis)| (axis, Column::Axis(k)));
     let listed = [("name(state)", Column::Species)].into_iter().chain(axes).chain([("serial", Column::Id)]);
-    let listing = Listing(Columns::new(listed.map(|(name, meaning)| (name.to_owned(), meaning))));
+    let listing = ListingTable(Columns::new(listed.map(|(name, meaning)| (name.to_owned(), meaning))));
     let mut frame = Frame::with_capacity(0, context);
     let mut lines = Lines::new(source);
     if context.groups {
@@ -28,7 +28,7 @@ pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, E
     Ok(frame)
 }
 
-impl Table for Listing {
+impl Table for ListingTable {
     fn columns(&self) -> &Columns {
         &self.0
     }

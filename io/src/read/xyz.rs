@@ -11,7 +11,7 @@ use super::lines::Lines;
 use super::read_context::ReadContext;
 use super::rows::{AnnouncedRows, Table};
 use super::source::Source;
-use super::{Frame, RESERVE};
+use super::{Frame, MAX_RESERVED_SPHERES};
 use crate::error::{Error, excerpt};
 
 pub(super) struct Xyz {
@@ -33,7 +33,8 @@ impl Xyz {
             None => space(comment, context.doubles)?,
         };
         let step = value_of(comment.bytes, "Step").and_then(|step| lexical_core::parse(step).ok());
-        let mut frame = Frame { step, space, ..Frame::with_capacity(count.min(RESERVE), context) };
+        let mut frame =
+            Frame { step, space, ..Frame::with_capacity(count.min(MAX_RESERVED_SPHERES), context) };
         self.lines.rows(&Words(columns), AnnouncedRows { what: "spheres", count }, context, &mut frame)?;
         Ok(Some(frame))
     }
@@ -92,7 +93,7 @@ fn check_properties(columns: &Columns, comment: Line<'_>, context: &ReadContext)
 
 /// Parses triples of name, type and width: `species:S:1:pos:R:3:radius:R:1`.
 fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)>, Error> {
-    const MOST: usize = 1000;
+    const MAX_COLUMNS: usize = 1000;
     let malformed = || comment.unexpected("Properties=name:type:columns, such as pos:R:3:radius:R:1");
     let fields: Vec<_> = properties.split(|&b| b == b':').collect();
     let (triples, []) = fields.as_chunks::<3>() else { return Err(malformed()) };
@@ -100,10 +101,9 @@ fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)
     for &[name, _type, width] in triples {
         let name = String::from_utf8_lossy(name).into_owned();
         let width: usize = lexical_core::parse(width).map_err(|_| malformed())?;
-        if width == 0 || width > MOST - columns.len() {
-            return Err(
-                comment.unexpected(format!("Properties=name:type:columns with 1 to {MOST} columns in all"))
-            );
+        if width == 0 || width > MAX_COLUMNS - columns.len() {
+            return Err(comment
+                .unexpected(format!("Properties=name:type:columns with 1 to {MAX_COLUMNS} columns in all")));
         }
         match (name.to_ascii_lowercase().as_str(), width) {
             ("pos", 3) => {

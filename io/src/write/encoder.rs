@@ -109,12 +109,12 @@ impl Encoder for Zstandard {
 
 /// Reports write errors at the end, because the compressor expects writing to succeed.
 fn compress(source: impl Read, out: impl Write) -> io::Result<()> {
-    struct Patient<W> {
+    struct DeferredErrors<W> {
         out: W,
         failed: io::Result<()>,
     }
 
-    impl<W: Write> Write for Patient<W> {
+    impl<W: Write> Write for DeferredErrors<W> {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             if self.failed.is_ok() {
                 self.failed = self.out.write_all(bytes);
@@ -127,14 +127,14 @@ fn compress(source: impl Read, out: impl Write) -> io::Result<()> {
         }
     }
 
-    let mut patient = Patient { out, failed: Ok(()) };
+    let mut deferred = DeferredErrors { out, failed: Ok(()) };
     let mut compressor = FrameCompressor::new(CompressionLevel::Fastest);
     compressor.set_source(source);
-    compressor.set_drain(&mut patient);
+    compressor.set_drain(&mut deferred);
     compressor.compress();
     drop(compressor);
-    patient.failed?;
-    patient.out.flush()
+    deferred.failed?;
+    deferred.out.flush()
 }
 
 #[cfg(test)]
@@ -144,9 +144,9 @@ mod tests {
     use super::*;
 
     #[derive(Clone, Default)]
-    struct Shared(Arc<Mutex<Vec<u8>>>);
+    struct SharedBuffer(Arc<Mutex<Vec<u8>>>);
 
-    impl Write for Shared {
+    impl Write for SharedBuffer {
         fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
             self.0.lock().unwrap().write(bytes)
         }
@@ -161,7 +161,7 @@ mod tests {
         let rows: Vec<u8> = (0..200_000).flat_map(|k| format!("{},{}\n", k / 3, k).into_bytes()).collect();
         for name in ["a.csv", "a.csv.gz", "a.csv.zst"] {
             for bytes in [&rows[..], b"", b"x"] {
-                let out = Shared::default();
+                let out = SharedBuffer::default();
                 let mut encoder = encoder(Path::new(name), out.clone()).unwrap();
                 bytes.chunks(100_003).for_each(|chunk| encoder.write_all(chunk).unwrap());
                 encoder.finish().unwrap();

@@ -14,15 +14,16 @@ const SUFFIX: &str = ".part";
 const RANDOM: usize = 12;
 
 /// Unfinished files of this process, and directories searched for orphans.
-static BEGUN: Mutex<Begun> = Mutex::new(Begun { files: Vec::new(), swept: Vec::new() });
+static UNFINISHED_FILES: Mutex<UnfinishedFiles> =
+    Mutex::new(UnfinishedFiles { files: Vec::new(), swept: Vec::new() });
 
-struct Begun {
+struct UnfinishedFiles {
     files: Vec<PathBuf>,
     swept: Vec<PathBuf>,
 }
 
-fn begun() -> MutexGuard<'static, Begun> {
-    BEGUN.lock().unwrap_or_else(PoisonError::into_inner)
+fn unfinished_files() -> MutexGuard<'static, UnfinishedFiles> {
+    UNFINISHED_FILES.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[derive(Debug)]
@@ -34,9 +35,9 @@ pub(super) struct Temporary {
 
 impl Temporary {
     pub(super) fn create(directory: &Path) -> io::Result<(File, Self)> {
-        let mut begun = begun();
-        if !begun.swept.iter().any(|swept| swept == directory) {
-            begun.swept.push(directory.to_owned());
+        let mut unfinished_files = unfinished_files();
+        if !unfinished_files.swept.iter().any(|swept| swept == directory) {
+            unfinished_files.swept.push(directory.to_owned());
             sweep(directory);
         }
         let prefix = prefix();
@@ -44,7 +45,7 @@ impl Temporary {
         builder.prefix(&prefix).suffix(SUFFIX).rand_bytes(RANDOM);
         let (file, path) = builder.make_in(directory, create_locked)?.into_parts();
         let out = file.try_clone()?;
-        begun.files.push(path.to_path_buf());
+        unfinished_files.files.push(path.to_path_buf());
         Ok((out, Self { path: Some(path), file }))
     }
 
@@ -53,9 +54,9 @@ impl Temporary {
     }
 
     pub(super) fn rename(mut self, path: &Path) -> io::Result<()> {
-        let mut begun = begun();
+        let mut unfinished_files = unfinished_files();
         let Some(temporary) = self.path.take() else { return Ok(()) };
-        begun.files.retain(|file| **file != *temporary);
+        unfinished_files.files.retain(|file| **file != *temporary);
         temporary.persist(path).map_err(|error| error.error)
     }
 }
@@ -63,8 +64,8 @@ impl Temporary {
 impl Drop for Temporary {
     fn drop(&mut self) {
         if let Some(temporary) = self.path.take() {
-            let mut begun = begun();
-            begun.files.retain(|file| **file != *temporary);
+            let mut unfinished_files = unfinished_files();
+            unfinished_files.files.retain(|file| **file != *temporary);
             drop(temporary);
         }
     }
@@ -73,12 +74,12 @@ impl Drop for Temporary {
 /// Removes all uncommitted files of this process, for signal handlers. Later uses of this module block until
 /// the process ends.
 pub fn remove_temporaries() {
-    let begun = begun();
-    for file in &begun.files {
+    let unfinished_files = unfinished_files();
+    for file in &unfinished_files.files {
         // The next use of the directory retries.
         let _ = fs::remove_file(file);
     }
-    std::mem::forget(begun);
+    std::mem::forget(unfinished_files);
 }
 
 /// Creates a locked file, since another process could take an unlocked one for an orphan.

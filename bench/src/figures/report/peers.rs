@@ -12,7 +12,7 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Plot, Quantity, Section, Table};
 
-type Shown = fn(&Row) -> PlotPoint;
+type PointOfRow = fn(&Row) -> PlotPoint;
 
 pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let mut section = Section {
@@ -114,7 +114,12 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
     Ok(section)
 }
 
-fn plot(axes: &Axes<'_>, rows: &[&Row], name: String, shown: Shown) -> Result<Option<Plot>, Box<dyn Error>> {
+fn plot(
+    axes: &Axes<'_>,
+    rows: &[&Row],
+    name: String,
+    shown: PointOfRow,
+) -> Result<Option<Plot>, Box<dyn Error>> {
     let series = curves(rows, shown, |engine| !OURS.contains(&engine));
     let caption = format!(
         "{}; both axes logarithmic, lazygrid's curves solid, bars from the lower to the upper quartile.",

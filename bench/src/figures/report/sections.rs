@@ -8,7 +8,7 @@ use super::{growth, peers, sweeps, transceivers};
 use lazygrid_report::number::count;
 use lazygrid_report::{Cell, Document, Note, Section, Table};
 
-const TOO_LONG: &str = "left out: a run would take";
+const TOO_LONG_NOTE: &str = "left out: a run would take";
 
 pub(super) fn document(results: &Results) -> Result<Document, Box<dyn Error>> {
     let mut sections = vec![environment(results)];
@@ -99,7 +99,7 @@ fn remarks(rows: &[&Row]) -> Vec<Note> {
     let mut notes: Vec<(String, &str, Status, Vec<usize>)> = vec![];
     for row in rows.iter().filter(|row| row.status != Status::Ok) {
         // The predicted time differs between sizes.
-        let is_slow = row.status == Status::LeftOut && row.reason.starts_with(TOO_LONG);
+        let is_slow = row.status == Status::LeftOut && row.reason.starts_with(TOO_LONG_NOTE);
         let reason = if is_slow { "left out because it would take too long" } else { &row.reason };
         match notes.iter_mut().find(|(engine, why, ..)| *engine == row.engine && *why == reason) {
             Some((.., sizes)) => sizes.push(row.n),

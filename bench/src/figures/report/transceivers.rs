@@ -11,7 +11,7 @@ use lazygrid::Algorithm;
 use lazygrid_report::{Cell, Note, Quantity, Section, Table};
 
 const OURS: &str = Algorithm::RecursiveGrid.name();
-const WITHOUT: &str = Algorithm::ArrayGrid.name();
+const ONE_LEVEL: &str = Algorithm::ArrayGrid.name();
 
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let varied = figure.varied().unwrap_or_default();
@@ -95,7 +95,7 @@ fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Opt
     let (mut faster, mut even, mut slower) = (vec![], vec![], vec![]);
     for &column in columns {
         let row_of = |engine| find(rows, engine, column).filter(|row| row.status == Status::Ok);
-        let Some(times) = row_of(WITHOUT).zip(row_of(OURS)).and_then(|(peer, ours)| Times::new(peer, ours))
+        let Some(times) = row_of(ONE_LEVEL).zip(row_of(OURS)).and_then(|(peer, ours)| Times::new(peer, ours))
         else {
             continue;
         };
@@ -113,7 +113,7 @@ fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Opt
     let varied = figure.varied().unwrap_or_default();
     (!said.is_empty()).then(|| Note {
         text: format!(
-            "{what}: compared with {WITHOUT}, {OURS} is, by {varied}, {}; how many times as fast.",
+            "{what}: compared with {ONE_LEVEL}, {OURS} is, by {varied}, {}; how many times as fast.",
             said.join(", ")
         ),
         is_error: false,
@@ -121,12 +121,12 @@ fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Opt
 }
 
 fn growth(what: &str, rows: &[&Row]) -> Option<Note> {
-    let (ours, without) = (fitted(rows, OURS)?, fitted(rows, WITHOUT)?);
+    let (ours, without) = (fitted(rows, OURS)?, fitted(rows, ONE_LEVEL)?);
     let verdict = if ours <= 1.0 { "within" } else { "beyond" };
     Some(Note {
         text: format!(
             "{what}: the time of {OURS} grows as (log₂ ratio + 1)^{ours:.2}, {verdict} the paper's bound of 1; that \
-             of {WITHOUT} as (log₂ ratio + 1)^{without:.2}."
+             of {ONE_LEVEL} as (log₂ ratio + 1)^{without:.2}."
         ),
         is_error: false,
     })
@@ -145,11 +145,11 @@ mod tests {
     fn recursion_is_evaluated_by_medians_of_steps() {
         let rows = [
             at(OURS, 1.0, &[1.0, 2.0, 1.0]),
-            at(WITHOUT, 1.0, &[3.0, 2.0, 4.0]),
+            at(ONE_LEVEL, 1.0, &[3.0, 2.0, 4.0]),
             at(OURS, 10.0, &[1.0]),
-            at(WITHOUT, 10.0, &[0.95]),
+            at(ONE_LEVEL, 10.0, &[0.95]),
             at(OURS, 100.0, &[1.0]),
-            at(WITHOUT, 100.0, &[0.5]),
+            at(ONE_LEVEL, 100.0, &[0.5]),
             at(OURS, 1000.0, &[1.0]),
         ];
         let rows: Vec<&Row> = rows.iter().collect();
@@ -169,7 +169,7 @@ mod tests {
             let time = |ratio: f64| (ratio.log2() + 1.0).powf(k);
             [1.0, 4.0, 32.0, 1024.0].map(|ratio| at(engine, ratio, &[time(ratio)]))
         };
-        let rows = [rows_of(OURS, 0.8), rows_of(WITHOUT, 2.0)].concat();
+        let rows = [rows_of(OURS, 0.8), rows_of(ONE_LEVEL, 2.0)].concat();
         let rows: Vec<&Row> = rows.iter().collect();
         let note = growth("s", &rows).expect("a fit");
         assert!(note.text.contains("+ 1)^0.80, within the paper's bound of 1"), "{}", note.text);

@@ -46,7 +46,7 @@ pub(super) struct Primitive {
 }
 
 #[derive(Clone, Copy)]
-pub(super) struct Called {
+pub(super) struct TimingLabel {
     pub(super) backend: Backend,
     pub(super) algorithm: Algorithm,
     pub(super) scene: Scene,
@@ -213,8 +213,8 @@ impl Report {
         ));
     }
 
-    pub(super) fn speed(&mut self, called: Called, speed: &Speed) {
-        let Called { backend, algorithm, scene, spheres } = called;
+    pub(super) fn speed(&mut self, label: TimingLabel, speed: &Speed) {
+        let TimingLabel { backend, algorithm, scene, spheres } = label;
         let stages: Map<String, Value> =
             speed.stages.iter().map(|(name, seconds)| ((*name).to_owned(), (*seconds).into())).collect();
         self.speeds.push(json!({
@@ -235,11 +235,11 @@ impl Report {
             speed.seconds * 1e3,
             stages.join(", ")
         ));
-        self.compare_count(called, speed.pairs);
+        self.compare_count(label, speed.pairs);
     }
 
-    fn compare_count(&mut self, called: Called, pairs: u64) {
-        let Called { backend, algorithm, scene, spheres } = called;
+    fn compare_count(&mut self, label: TimingLabel, pairs: u64) {
+        let TimingLabel { backend, algorithm, scene, spheres } = label;
         let known = self.counts.iter().find(|(known_scene, n, _)| *known_scene == scene && *n == spheres);
         let Some(&(.., expected)) = known else {
             self.counts.push((scene, spheres, pairs));
@@ -257,8 +257,8 @@ impl Report {
         self.failure(FailedCase { name, what, options, ..FailedCase::default() });
     }
 
-    pub(super) fn left_out(&mut self, called: Called, why: &str) {
-        let Called { backend, algorithm, scene, spheres } = called;
+    pub(super) fn left_out(&mut self, label: TimingLabel, why: &str) {
+        let TimingLabel { backend, algorithm, scene, spheres } = label;
         self.left_out.push(json!({
             "backend": backend.name(), "algorithm": algorithm.name(), "scene": scene.name(), "spheres": spheres,
             "why": why,

@@ -6,7 +6,7 @@ use lazygrid_io::read::{self, Frame};
 use crate::args::Detect;
 use crate::error::CliError;
 
-pub(crate) struct Excluded {
+pub(crate) struct ExclusionFile {
     path: PathBuf,
     pairs: Vec<(i64, i64)>,
     by_id: bool,
@@ -14,7 +14,7 @@ pub(crate) struct Excluded {
     met: Vec<bool>,
 }
 
-impl Excluded {
+impl ExclusionFile {
     pub(crate) fn read(args: &Detect) -> Result<Option<Self>, CliError> {
         let Some(path) = &args.exclude else { return Ok(None) };
         let pairs = read::pairs(path)?;

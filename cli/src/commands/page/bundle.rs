@@ -11,12 +11,12 @@ use crate::error::CliError;
 
 const SIZES: [u32; 9] = [1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000];
 /// Largest size of the naive algorithm: all pairs of more spheres take seconds on most GPUs.
-const MOST_NAIVE: u32 = 100_000;
+const MAX_NAIVE_SPHERES: u32 = 100_000;
 /// Above, the CPU counts no pairs for the page.
-const MOST_COUNTED: u32 = 1_000_000;
+const MAX_COUNTED_SPHERES: u32 = 1_000_000;
 /// Pairs that a scene can color, per sphere and in all: 128 MiB, which every device can bind.
 const PAIRS_PER_SPHERE: u32 = 24;
-const MOST_PAIRS: u32 = 1 << 24;
+const MAX_COLORED_PAIRS: u32 = 1 << 24;
 /// Subgroup sizes of kernels; without subgroups they run everywhere.
 const SUBGROUPS: [Option<u32>; 7] = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
 
@@ -161,11 +161,11 @@ pub(super) fn contents(version: &str, commit: &str) -> Result<Value, CliError> {
 }
 
 fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
-    let pairs = spheres.saturating_mul(PAIRS_PER_SPHERE).min(MOST_PAIRS);
+    let pairs = spheres.saturating_mul(PAIRS_PER_SPHERE).min(MAX_COLORED_PAIRS);
     let config = |algorithm| GpuConfig::default().algorithm(algorithm).pair_capacity(pairs);
     let mut calls = Map::new();
     for &algorithm in Algorithm::GPU {
-        if algorithm == Algorithm::Naive && spheres > MOST_NAIVE {
+        if algorithm == Algorithm::Naive && spheres > MAX_NAIVE_SPHERES {
             continue;
         }
         let mut of_limits = Vec::new();
@@ -188,11 +188,11 @@ fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
     Ok(json!({ "spheres": spheres, "auto": auto.name(), "calls": calls }))
 }
 
-fn scene(kind: &super::scenes::Kind) -> Result<Value, CliError> {
+fn scene(kind: &super::scenes::SceneKind) -> Result<Value, CliError> {
     let config = Config::default().backend(Backend::Cpu).skin(Skin::Off);
     let mut detector = Detector::new(config).map_err(CliError::Setting)?;
     let mut pairs = Map::new();
-    for count in SIZES.into_iter().filter(|count| (10_000..=MOST_COUNTED).contains(count)) {
+    for count in SIZES.into_iter().filter(|count| (10_000..=MAX_COUNTED_SPHERES).contains(count)) {
         let spheres = kind.spheres(count, kind.scale(count));
         pairs.insert(count.to_string(), detector.count(&spheres).map_err(CliError::Setting)?.into());
     }

@@ -10,27 +10,27 @@ use super::scenes::KINDS;
 use crate::error::CliError;
 
 /// Larger embedded scenes are cut.
-const MOST_EMBEDDED: usize = 160;
+const MAX_EMBEDDED_SPHERES: usize = 160;
 /// One plan serves all embedded scenes.
 const CAPACITY: u32 = 256;
 /// Sizes of the scenes that the device makes itself, and the largest of which all pairs are tested.
-const MADE: [u32; 2] = [1000, 5000];
-const MOST_NAIVE: u32 = 1000;
+const GENERATED_SIZES: [u32; 2] = [1000, 5000];
+const MAX_NAIVE_SPHERES: u32 = 1000;
 /// Entries per sphere of the plans after the first; the most, eight on each of 32 levels, take long to sort.
 const ENTRIES: [u32; 2] = [32, 8 * 32];
 /// Factor of radii that finds all pairs near tangency.
-const WIDER: f32 = 1.0 + 1e-5;
+const WIDENING_FACTOR: f32 = 1.0 + 1e-5;
 
 pub(super) fn scenes(bundle: &mut Bundle) -> Result<Vec<Value>, CliError> {
     let mut scenes = Vec::new();
     for SceneCase { name, scenario } in compare::cases(Effort::Quick) {
         let is_taken = !scenario.is_refined() && (scenario.spheres.len() < 4000);
         if is_taken {
-            let scenario = scenario.only(|at| at < MOST_EMBEDDED);
+            let scenario = scenario.only(|at| at < MAX_EMBEDDED_SPHERES);
             scenes.push(embedded(bundle, &name, &scenario)?);
         }
     }
-    for count in MADE {
+    for count in GENERATED_SIZES {
         for (at, kind) in KINDS.iter().enumerate() {
             let scale = kind.scale(count);
             let scenario = TestInput::from(kind.spheres(count, scale));
@@ -89,11 +89,14 @@ fn expected(scenario: &TestInput) -> Result<Value, CliError> {
 
 fn near_pairs(scenario: &TestInput) -> Result<Vec<Pair>, CliError> {
     let count = scenario.spheres.len() as u32;
-    if count as usize <= MOST_EMBEDDED {
+    if count as usize <= MAX_EMBEDDED_SPHERES {
         return Ok((0..count).flat_map(|i| (i + 1..count).map(move |j| Pair { i, j })).collect());
     }
-    let wider: Vec<Sphere> =
-        scenario.spheres.iter().map(|sphere| Sphere::new(sphere.center, sphere.radius * WIDER)).collect();
+    let wider: Vec<Sphere> = scenario
+        .spheres
+        .iter()
+        .map(|sphere| Sphere::new(sphere.center, sphere.radius * WIDENING_FACTOR))
+        .collect();
     let config = Config::default().backend(Backend::Cpu).skin(Skin::Off);
     let mut detector = Detector::new(config).map_err(CliError::Setting)?;
     detector.pairs(&wider).map_err(CliError::Setting)?;
@@ -110,7 +113,7 @@ fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value
     let mut calls = Vec::new();
     for &algorithm in Algorithm::GPU {
         let sorts: &[(&str, u32)] = match algorithm {
-            Algorithm::Naive if capacity > MOST_NAIVE => &[],
+            Algorithm::Naive if capacity > MAX_NAIVE_SPHERES => &[],
             Algorithm::Naive => &[("all pairs", 0)],
             Algorithm::CellList => &[("counting sort", u32::MAX), ("radix sort", 0)],
             _ => &[("radix sort", 0)],

@@ -8,12 +8,12 @@ pub(super) const FILLING: f64 = 0.05;
 /// Per sphere.
 const BURST_PAIRS: f64 = 20.0;
 /// In integer steps.
-const HALF: f64 = (1 << 23) as f64;
+const HALF_SIDE_STEPS: f64 = (1 << 23) as f64;
 /// Standard deviation of eight uniform integers below 2²¹: `2²¹ · √(8 / 12)`.
-const BELL: f64 = 2_097_152.0 * 0.816_496_580_927_726;
+const BELL_SIGMA: f64 = 2_097_152.0 * 0.816_496_580_927_726;
 
 #[derive(Debug, Serialize)]
-pub(super) struct Kind {
+pub(super) struct SceneKind {
     pub(super) name: &'static str,
     title: &'static str,
     is_burst: bool,
@@ -23,23 +23,23 @@ pub(super) struct Kind {
     giant_radius: f32,
 }
 
-const TEN: [f32; 10] =
+const TEN_RADII: [f32; 10] =
     [1.0, 0.5, 0.25, 0.125, 0.0625, 0.031_25, 0.015_625, 0.007_812_5, 0.003_906_25, 0.001_953_125];
 
 /// In the order of the page.
-pub(super) const KINDS: [Kind; 5] = [
-    Kind { seed: 1, ..uniform("equal", "Equal", &[1.0]) },
-    Kind { seed: 2, ..uniform("five-sizes", "Five sizes", &[1.0, 0.5, 0.25, 0.125, 0.0625]) },
-    Kind { seed: 3, ..uniform("ten-sizes", "Ten sizes", &TEN) },
-    Kind { seed: 4, giants: 1, giant_radius: 6.0, ..uniform("giant", "A giant among grains", &[0.25]) },
-    Kind { seed: 5, is_burst: true, ..uniform("burst", "The burst of the paper", &TEN) },
+pub(super) const KINDS: [SceneKind; 5] = [
+    SceneKind { seed: 1, ..uniform("equal", "Equal", &[1.0]) },
+    SceneKind { seed: 2, ..uniform("five-sizes", "Five sizes", &[1.0, 0.5, 0.25, 0.125, 0.0625]) },
+    SceneKind { seed: 3, ..uniform("ten-sizes", "Ten sizes", &TEN_RADII) },
+    SceneKind { seed: 4, giants: 1, giant_radius: 6.0, ..uniform("giant", "A giant among grains", &[0.25]) },
+    SceneKind { seed: 5, is_burst: true, ..uniform("burst", "The burst of the paper", &TEN_RADII) },
 ];
 
-const fn uniform(name: &'static str, title: &'static str, radii: &'static [f32]) -> Kind {
-    Kind { name, title, is_burst: false, seed: 0, radii, giants: 0, giant_radius: 0.0 }
+const fn uniform(name: &'static str, title: &'static str, radii: &'static [f32]) -> SceneKind {
+    SceneKind { name, title, is_burst: false, seed: 0, radii, giants: 0, giant_radius: 0.0 }
 }
 
-impl Kind {
+impl SceneKind {
     pub(super) fn scale(&self, spheres: u32) -> f32 {
         let n = f64::from(spheres);
         let mean = |value: &dyn Fn(f64) -> f64| -> f64 {
@@ -50,13 +50,13 @@ impl Kind {
             let cubes = mean(&|a| mean(&|b| (a + b).powi(3)));
             let sigma = (n / 2.0 * 4.0 / 3.0 * std::f64::consts::PI * cubes / BURST_PAIRS).cbrt()
                 / (4.0 * std::f64::consts::PI).sqrt();
-            return (sigma / BELL) as f32;
+            return (sigma / BELL_SIGMA) as f32;
         }
         let giants = f64::from(self.giants) * f64::from(self.giant_radius).powi(3);
         let volume = 4.0 / 3.0 * std::f64::consts::PI * ((n - f64::from(self.giants)) * mean(&|r| r.powi(3)));
         // The giant takes space, but does not count as filling.
         let side = (volume / FILLING + giants * 8.0).cbrt();
-        (side / 2.0 / HALF) as f32
+        (side / 2.0 / HALF_SIDE_STEPS) as f32
     }
 
     pub(super) fn spheres(&self, count: u32, scale: f32) -> Vec<Sphere> {
@@ -102,7 +102,7 @@ mod tests {
                 .iter()
                 .map(|s| 4.0 / 3.0 * std::f64::consts::PI * f64::from(s.radius).powi(3))
                 .sum();
-            let side = 2.0 * HALF * f64::from(scale);
+            let side = 2.0 * HALF_SIDE_STEPS * f64::from(scale);
             if !kind.is_burst && kind.giants == 0 {
                 let filled = volume / side.powi(3);
                 assert!((0.8..1.2).contains(&(filled / FILLING)), "{}: {filled}", kind.name);

@@ -16,7 +16,7 @@ pub(crate) fn report_command(
 ) -> String {
     let mut options = args.options.clone();
     (options.seed, options.steps) = (Some(run.scenario.seed), Some(run.scenario.steps));
-    let mut command = Words::simulate(scenario, &run.directory);
+    let mut command = CommandWords::simulate(scenario, &run.directory);
     command.overrides(args, &options);
     command.flag("--report", true);
     command.value("--replicas", replicas);
@@ -26,7 +26,7 @@ pub(crate) fn report_command(
 /// Returns the command that continues a stopped run.
 pub(crate) fn resume_command(args: &Simulate, directory: &Path, is_begun: bool) -> String {
     let Simulate { ref options, replicas, ref sweep, report, .. } = *args;
-    let mut command = Words::simulate(&options.scenario, directory);
+    let mut command = CommandWords::simulate(&options.scenario, directory);
     command.overrides(args, options);
     command.value("--threads", args.threads);
     command.flag("--report", report);
@@ -37,9 +37,9 @@ pub(crate) fn resume_command(args: &Simulate, directory: &Path, is_begun: bool) 
     shell_command(&command.0)
 }
 
-struct Words(Vec<String>);
+struct CommandWords(Vec<String>);
 
-impl Words {
+impl CommandWords {
     fn simulate(scenario: &Path, directory: &Path) -> Self {
         let [scenario, directory] = [scenario, directory].map(|path| path.display().to_string());
         Self(vec!["lazygrid".into(), "simulate".into(), scenario, "--output".into(), directory])

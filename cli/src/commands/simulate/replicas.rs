@@ -20,13 +20,14 @@ use crate::{print, progress, signals};
 pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> {
     let stop_signal = signals::install_stop_handler()?;
     let count = replicas.count.get();
-    let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
+    let step_progress =
+        StepProgress::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
     let is_cancelled = || stop_signal.signal().is_some();
     let replicated = replicas.run_unless(is_cancelled, |replica, simulation| {
-        advance.see(0, replica, simulation);
+        step_progress.see(0, replica, simulation);
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
-    advance.bar.finish_and_clear();
+    step_progress.bar.finish_and_clear();
     let stopped = |done: usize| {
         let signal = stop_signal.signal().unwrap_or(StopSignal::CTRL_C);
         let command = command::resume_command(args, &replicas.run.directory, replicas.is_begun());
@@ -61,12 +62,12 @@ pub(crate) fn report_input<'a>(
     ReportInput { run, mean, runs: results.done.iter().map(seed_and_directory).collect(), command }
 }
 
-pub(crate) struct Advance {
+pub(crate) struct StepProgress {
     pub(crate) bar: ProgressBar,
     steps: Mutex<BTreeMap<(usize, u32), u32>>,
 }
 
-impl Advance {
+impl StepProgress {
     pub(crate) fn new(bar: ProgressBar) -> Self {
         Self { bar, steps: Mutex::default() }
     }

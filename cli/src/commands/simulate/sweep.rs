@@ -6,7 +6,7 @@ use lazygrid_results::sweep::{SweepRow, write};
 use lazygrid_sim::run::RunEnd;
 use lazygrid_sim::run::sweep::SweepRuns;
 
-use super::replicas::{Advance, report_input};
+use super::replicas::{StepProgress, report_input};
 use super::{command, report};
 use crate::args::Simulate;
 use crate::error::CliError;
@@ -18,13 +18,13 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     let runs = || sweep.points.iter().map(|point| u64::from(point.count.get()));
     let steps =
         sweep.points.iter().zip(runs()).map(|(point, runs)| runs * u64::from(point.run.scenario.steps));
-    let advance = Advance::new(progress::running(steps.fold(0, u64::saturating_add)));
+    let step_progress = StepProgress::new(progress::running(steps.fold(0, u64::saturating_add)));
     let is_cancelled = || stop_signal.signal().is_some();
     let results = sweep.run(is_cancelled, |point, replica, simulation| {
-        advance.see(point, replica, simulation);
+        step_progress.see(point, replica, simulation);
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
-    advance.bar.finish_and_clear();
+    step_progress.bar.finish_and_clear();
     let stopped = |done: usize| {
         let signal = stop_signal.signal().unwrap_or(StopSignal::CTRL_C);
         let command = command::resume_command(args, &sweep.directory, true);

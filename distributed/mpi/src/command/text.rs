@@ -9,7 +9,7 @@ use lazygrid_io::read::{BYTE_ORDER_MARK, Format, Frame, Frames, Options, Species
 
 use super::rank_range::rank_range;
 
-const LONGEST: u64 = 1 << 16;
+const MAX_HEAD_BYTES: u64 = 1 << 16;
 
 #[derive(Debug)]
 pub(crate) struct TextRows {
@@ -30,7 +30,7 @@ impl TextRows {
     pub(crate) fn open(path: &Path) -> io::Result<Option<Self>> {
         let end = path.metadata()?.len();
         let mut start = Vec::new();
-        File::open(path)?.take(LONGEST).read_to_end(&mut start)?;
+        File::open(path)?.take(MAX_HEAD_BYTES).read_to_end(&mut start)?;
         Ok(head(&start).map(|length| {
             start.truncate(length);
             Self { head: start, end }

@@ -8,7 +8,7 @@ use mpi::traits::Communicator;
 
 use crate::scenes::{config, gathered, id, random, sum};
 
-const EDGE: f32 = 12.0;
+const SIDE: f32 = 12.0;
 
 struct World {
     spheres: Vec<Sphere>,
@@ -25,7 +25,7 @@ impl World {
     }
 
     fn point(&self, k: usize) -> [f32; 3] {
-        [0, 1, 2].map(|axis| EDGE * random(self.drawn << 12 | k as u64, axis))
+        [0, 1, 2].map(|axis| SIDE * random(self.drawn << 12 | k as u64, axis))
     }
 
     fn resize(&mut self, n: usize) {
@@ -46,7 +46,7 @@ impl World {
             1 | 2 => {
                 let by = [1e-4, 1e-2, 0.3][self.choose(3) as usize];
                 for k in 0..self.spheres.len() {
-                    let step = Vec3::from(self.point(k)) / EDGE - 0.5;
+                    let step = Vec3::from(self.point(k)) / SIDE - 0.5;
                     self.spheres[k].center += by * step;
                 }
             }
@@ -195,7 +195,7 @@ pub(crate) fn random_calls(world: &SimpleCommunicator) {
     let mut table = Interactions::new(3, Interaction::Touch).unwrap();
     table.set(0, 1, Interaction::Within(0.7)).unwrap();
     table.set(1, 2, Interaction::Never).unwrap();
-    let periodic = Space::periodic([Some(f64::from(EDGE)), None, Some(f64::from(EDGE))]).unwrap();
+    let periodic = Space::periodic([Some(f64::from(SIDE)), None, Some(f64::from(SIDE))]).unwrap();
     for seed in 0..8 {
         let space = if seed % 2 == 0 { Space::UNBOUNDED } else { periodic };
         let table = (seed % 4 > 1).then_some(&table);

@@ -80,7 +80,7 @@ impl<T: Coordinate> ClassBounds<T> {
     pub fn can_pair(&self, other: &Self, wrapper: &SphereWrapper) -> bool {
         let (cutoff, space) = (wrapper.cutoff(self.group, other.group), wrapper.wrapped_space());
         // Radii have grown by the rounding of images, but cutoffs have not.
-        let is_limited = !(T::GROWS && space.is_periodic());
+        let is_limited = !(T::WRAPPING_ENLARGES_RADII && space.is_periodic());
         cutoff.is_some_and(|cutoff| {
             self.overlaps(other, space, if is_limited { cutoff } else { f64::INFINITY })
         })

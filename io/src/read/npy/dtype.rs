@@ -20,7 +20,7 @@ impl Dtype {
         Self { class: DtypeKind::Float, big_endian: cfg!(target_endian = "big"), width: 4 };
 
     pub(super) fn parse(text: &[u8]) -> Option<Self> {
-        const WIDEST: usize = 1 << 16;
+        const MAX_ITEM_BYTES: usize = 1 << 16;
         let (&order, rest) = text.split_first()?;
         let (&letter, digits) = rest.split_first()?;
         let big_endian = match order {
@@ -42,7 +42,7 @@ impl Dtype {
             (b'O', _) => return None,
             _ => DtypeKind::Other,
         };
-        (width <= WIDEST).then_some(Self { class, big_endian, width })
+        (width <= MAX_ITEM_BYTES).then_some(Self { class, big_endian, width })
     }
 
     pub(super) fn is_f64(self) -> bool {

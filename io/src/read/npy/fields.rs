@@ -30,7 +30,7 @@ struct StructuredRow<'a> {
 
 impl Fields {
     pub(super) fn new(source: &Source, fields: &[Field<'_>]) -> Result<Self, Error> {
-        const WIDEST: usize = 1 << 20;
+        const MAX_ROW_BYTES: usize = 1 << 20;
         let mut wanted = Vec::new();
         let mut columns = Vec::new();
         let mut start = 0;
@@ -42,7 +42,7 @@ impl Fields {
             let Some(kind) = Dtype::parse(field.kind) else { return refuse("fields of numbers and text") };
             let count = field.shape.iter().try_fold(1_u64, |all, &n| all.checked_mul(n));
             let bytes = count.and_then(|count| count.checked_mul(kind.width as u64));
-            let Some(bytes) = bytes.filter(|&bytes| bytes <= WIDEST as u64 - start as u64) else {
+            let Some(bytes) = bytes.filter(|&bytes| bytes <= MAX_ROW_BYTES as u64 - start as u64) else {
                 return refuse("rows of at most a MiB");
             };
             for (k, (name, meaning)) in meanings(field).into_iter().enumerate() {

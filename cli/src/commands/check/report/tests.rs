@@ -102,8 +102,8 @@ fn triclinic_boxes_and_exclusions_are_shown() {
 fn counts_that_differ_are_wrong() {
     let mut report = Report::empty(true, "all");
     let mut count = |backend, spheres, pairs| {
-        let called = Called { backend, algorithm: Algorithm::Naive, scene: Scene::Equal, spheres };
-        report.compare_count(called, pairs);
+        let label = TimingLabel { backend, algorithm: Algorithm::Naive, scene: Scene::Equal, spheres };
+        report.compare_count(label, pairs);
         report.failures.len()
     };
     assert_eq!(count(Backend::Cpu, 10, 5), 0);
