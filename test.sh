@@ -17,17 +17,7 @@ export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-/tmp}
 
 say() { echo "test.sh: $*" >&2; }
 
-# install PACKAGE…
-install() {
-    local sudo
-    sudo=$([ "$(id -u)" = 0 ] || command -v sudo || true)
-    if ! command -v apt-get >/dev/null || { [ "$(id -u)" != 0 ] && [ -z "$sudo" ]; }; then
-        say "$* cannot be installed here"
-        return 1
-    fi
-    say "installing $*"
-    { $sudo apt-get update -qq && $sudo apt-get install -y -qq "$@"; } >/dev/null
-}
+. tests/install.sh
 
 has_vulkan() {
     compgen -G '/usr/share/vulkan/icd.d/*.json' >/dev/null || compgen -G '/etc/vulkan/icd.d/*.json' >/dev/null \
@@ -80,9 +70,9 @@ end_beside() {
     rm "$log"
 }
 
-command -v cc >/dev/null || install gcc libc6-dev
+command -v cc >/dev/null || install_packages gcc libc6-dev
 if [ "$(uname)" = Linux ] && ! has_vulkan; then
-    install mesa-vulkan-drivers libvulkan1 || say "no Vulkan driver: the GPU's tests are skipped"
+    install_packages mesa-vulkan-drivers libvulkan1 || say "no Vulkan driver: the GPU's tests are skipped"
 fi
 
 # Always all default members: a selection of packages would rebuild dependencies with fewer features.

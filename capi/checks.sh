@@ -2,19 +2,7 @@
 
 say() { echo "$name: $*" >&2; }
 
-# have COMMAND-OR-FILE PACKAGE…: succeeds if the command or file exists, or the packages could be installed.
-have() {
-    local wanted=$1 sudo
-    shift
-    { command -v "$wanted" >/dev/null || [ -e "$wanted" ]; } && return
-    sudo=$([ "$(id -u)" = 0 ] || command -v sudo || true)
-    if ! command -v apt-get >/dev/null || { [ "$(id -u)" != 0 ] && [ -z "$sudo" ]; }; then
-        return 1
-    fi
-    say "$wanted is missing: installing $*"
-    { $sudo apt-get update -qq && $sudo apt-get install -y -qq --no-install-recommends "$@"; } >/dev/null
-    command -v "$wanted" >/dev/null || [ -e "$wanted" ]
-}
+. tests/install.sh
 
 passed=0 skipped=0
 # passes NAME COMMAND…: runs a test, and ends the script if it fails.
