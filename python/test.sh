@@ -25,30 +25,30 @@ for python in ${PYTHON:-} python3.13 python3.12 python3.11 python3.10 python3 no
 done
 [ "$python" != none ] || skip "no Python 3.10 or later with venv; on Debian \`apt-get install python3-venv\`"
 
-room=$(mktemp -d)
-trap 'rm -rf "$room"' EXIT
-"$python" -m venv "$room/tools" && "$python" -m venv "$room/fresh"
-say "with $("$python" --version), in $room"
-"$room/tools/bin/pip" install --quiet --disable-pip-version-check "maturin>=1.16,<2"
-"$room/tools/bin/maturin" build --quiet --locked --interpreter "$room/fresh/bin/python" --out "$room/wheel" "$@"
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+"$python" -m venv "$work/tools" && "$python" -m venv "$work/fresh"
+say "with $("$python" --version), in $work"
+"$work/tools/bin/pip" install --quiet --disable-pip-version-check "maturin>=1.16,<2"
+"$work/tools/bin/maturin" build --quiet --locked --interpreter "$work/fresh/bin/python" --out "$work/wheel" "$@"
 
-in_room=$room/fresh/bin
-"$in_room/pip" install --quiet --disable-pip-version-check "$(echo "$room"/wheel/lazygrid-*.whl)[test]" typing_extensions
-"$in_room/python" -m pytest --quiet -p no:cacheprovider
-"$in_room/python" -m mypy --cache-dir "$room/mypy"
-"$in_room/python" -m mypy.stubtest --ignore-disjoint-bases lazygrid._lazygrid
+bin=$work/fresh/bin
+"$bin/pip" install --quiet --disable-pip-version-check "$(echo "$work"/wheel/lazygrid-*.whl)[test]" typing_extensions
+"$bin/python" -m pytest --quiet -p no:cacheprovider
+"$bin/python" -m mypy --cache-dir "$work/mypy"
+"$bin/python" -m mypy.stubtest --ignore-disjoint-bases lazygrid._lazygrid
 for example in examples/*.py; do
     say "$example"
-    "$in_room/python" "$example"
+    "$bin/python" "$example"
 done
 # PyTorch is used only if the system has it: its wheel takes half a gigabyte, and CUDA two more.
 if /usr/bin/python3 -c "import torch, venv, ensurepip" 2>/dev/null; then
     say "examples/torch_relax.py, with the system's PyTorch"
-    /usr/bin/python3 -m venv --system-site-packages "$room/torch"
-    "$room/torch/bin/pip" install --quiet --disable-pip-version-check --no-deps "$room"/wheel/lazygrid-*.whl
-    "$room/torch/bin/python" examples/torch_relax.py
+    /usr/bin/python3 -m venv --system-site-packages "$work/torch"
+    "$work/torch/bin/pip" install --quiet --disable-pip-version-check --no-deps "$work"/wheel/lazygrid-*.whl
+    "$work/torch/bin/python" examples/torch_relax.py
 else
     say "skipped: examples/torch_relax.py; on Debian \`apt-get install python3-torch\`"
 fi
 # Few spheres: checks the answers of the benchmark, not its times.
-"$in_room/python" bench/compare.py --spheres 500 --rounds 1 >/dev/null
+"$bin/python" bench/compare.py --spheres 500 --rounds 1 >/dev/null

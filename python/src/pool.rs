@@ -35,7 +35,7 @@ pub(crate) struct DetectorPool {
 #[expect(clippy::vec_box, reason = "a lease moves the pointer, not the detector")]
 struct IdleDetectors {
     detectors: Vec<Box<PooledDetector>>,
-    of_streams: Vec<Box<PooledDetector>>,
+    for_streams: Vec<Box<PooledDetector>>,
     report: Report,
 }
 
@@ -54,7 +54,7 @@ impl DetectorPool {
             }
         };
         let stream_config = threads.is_none().then(|| config.clone().threads(default_threads()));
-        let idle = Mutex::new(IdleDetectors { report, detectors: vec![first], of_streams: Vec::new() });
+        let idle = Mutex::new(IdleDetectors { report, detectors: vec![first], for_streams: Vec::new() });
         Ok(Arc::new(Self { config, stream_config, is_single_threaded, is_on_cpu, process, idle }))
     }
 
@@ -102,7 +102,7 @@ impl DetectorPool {
 impl IdleDetectors {
     #[expect(clippy::vec_box, reason = "as in the structure")]
     fn detectors(&mut self, has_stream_config: bool) -> &mut Vec<Box<PooledDetector>> {
-        if has_stream_config { &mut self.of_streams } else { &mut self.detectors }
+        if has_stream_config { &mut self.for_streams } else { &mut self.detectors }
     }
 }
 

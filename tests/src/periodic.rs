@@ -59,7 +59,7 @@ pub fn oracle_of_integers(scenario: &TestInput) -> Vec<Pair> {
 
 /// The host sorts the pairs of GPU variants, so one order suffices.
 pub fn verify_all(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
-    variants::in_turn(scenario).into_iter().try_for_each(|variant| match variant.tolerance() {
+    variants::for_scenario(scenario).into_iter().try_for_each(|variant| match variant.tolerance() {
         Tolerance::Exact => variant.verify(scenario, expected, settings),
         Tolerance::Tangent => {
             let complain = |text: String| format!("{variant}: {text}");

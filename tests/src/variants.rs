@@ -54,7 +54,7 @@ fn on_gpu() -> Vec<DetectorVariant> {
 ///
 /// # Panics
 /// See [`all`].
-pub fn in_turn(scenario: &TestInput) -> Vec<DetectorVariant> {
+pub fn for_scenario(scenario: &TestInput) -> Vec<DetectorVariant> {
     let mut variants = all();
     if env::var_os("LAZYGRID_TEST_VARIANTS").is_none() {
         let gpus = Algorithm::GPU.len();

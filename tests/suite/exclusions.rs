@@ -45,7 +45,7 @@ fn same(
 fn groups_and_lists_on_any_spheres() {
     check(150, cases(), |scenario| {
         let (expected, query) = (scenario.oracle(), scenario.query());
-        variants::in_turn(&scenario).into_iter().try_for_each(|variant| {
+        variants::for_scenario(&scenario).into_iter().try_for_each(|variant| {
             let config = scenario.config(variant.settings()).map_err(|error| error.to_string())?;
             variant.run(|| {
                 let mut detector = Detector::new(config).map_err(|error| error.to_string())?;

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 
 fn agree(scenario: &TestInput, settings: &Config) -> Result<(), String> {
     let expected = scenario.oracle();
-    let mut variants = variants::in_turn(scenario).into_iter();
+    let mut variants = variants::for_scenario(scenario).into_iter();
     variants.try_for_each(|variant| variant.verify(scenario, &expected, settings))
 }
 
@@ -90,7 +90,7 @@ fn small_radii_with_large_distances() {
 }
 
 #[test]
-fn crowd_with_distant_partners() {
+fn cluster_with_distant_partners() {
     let mut random = Random(11);
     let mut center = |width: f32| [8.4, 1.5, 8.9].map(|at| at + random.signed() as f32 * width);
     let species: Vec<u32> = (0..2300).map(|k| [0, 0, 0, 0, 0, 0, 2, 1][k % 8]).collect();

@@ -42,7 +42,7 @@ fn every_variant_agrees(cases: u32, spheres: hard::Spheres) {
     check(cases, (spheres, settings()), |(spheres, settings)| {
         let scenario = TestInput::from(spheres);
         let expected = scenario.oracle();
-        let mut variants = variants::in_turn(&scenario).into_iter();
+        let mut variants = variants::for_scenario(&scenario).into_iter();
         variants.try_for_each(|variant| variant.verify(&scenario, &expected, &settings))
     });
 }
@@ -113,7 +113,7 @@ fn mixed_lists() {
 }
 
 pub(crate) fn one_of_each(scenario: &TestInput) -> impl Iterator<Item = DetectorVariant> {
-    variants::in_turn(scenario).into_iter().filter(|variant| variant.threads() == THREADS[0])
+    variants::for_scenario(scenario).into_iter().filter(|variant| variant.threads() == THREADS[0])
 }
 
 #[test]

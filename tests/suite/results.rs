@@ -26,7 +26,7 @@ fn count_equals_the_list() {
     check(96, hard::any_spheres(), |spheres| {
         let scenario = TestInput::from(spheres);
         let oracle = scenario.oracle();
-        for variant in variants::in_turn(&scenario) {
+        for variant in variants::for_scenario(&scenario) {
             let expected = variant.own_pairs(&scenario, &oracle)?.len() as u64;
             let mut detector = detector(variant, Config::default().max_pairs(0))?;
             let count = variant.run(|| detector.count(scenario.query())).map_err(|e| e.to_string())?;
@@ -66,7 +66,7 @@ fn too_many_pairs_reports_the_exact_count() {
 
 fn variants_and_orders(scenario: &TestInput) -> impl Iterator<Item = (DetectorVariant, Order)> {
     let orders = [Order::Canonical, Order::Unordered];
-    variants::in_turn(scenario).into_iter().flat_map(move |variant| orders.map(|order| (variant, order)))
+    variants::for_scenario(scenario).into_iter().flat_map(move |variant| orders.map(|order| (variant, order)))
 }
 
 #[test]

@@ -31,7 +31,7 @@ fn large_scenes_against_the_oracle_in_any_order_of_spheres() {
             }
             let scenario = TestInput::from(spheres.clone());
             let expected = scenario.oracle();
-            for variant in variants::in_turn(&scenario) {
+            for variant in variants::for_scenario(&scenario) {
                 let verdict = variant.verify(&scenario, &expected, &Config::default());
                 verdict.unwrap_or_else(|text| panic!("{scene}, {arrangement}: {text}"));
             }

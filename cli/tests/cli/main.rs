@@ -168,7 +168,7 @@ fn neighbors_are_the_pairs_both_ways() {
 }
 
 #[test]
-fn several_frames_are_told_apart() {
+fn several_frames_are_numbered() {
     let scratch = Scratch::new();
     let file = scratch.write("two.xyz", TWO_FRAMES);
     let objects: Vec<Value> = lazygrid(["detect", &file, "--json"]).succeeds().json_lines();

@@ -264,7 +264,7 @@ fn messages_speak_the_language_of_the_command() {
 }
 
 #[test]
-fn a_time_out_is_told_with_its_option() {
+fn timeout_error_names_its_option() {
     if !has_gpu() {
         return;
     }

@@ -3,7 +3,7 @@ use lazygrid_tests::command::data;
 use crate::{LAZYGRID, lazygrid};
 
 #[test]
-fn wrong_usage_is_told_apart_from_failure() {
+fn wrong_usage_has_its_own_exit_code() {
     let pour = data("lammps-pour.dump");
     for args in [
         &[][..],

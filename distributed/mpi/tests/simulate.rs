@@ -118,7 +118,7 @@ fn collisions_are_those_of_one_process() {
 }
 
 #[test]
-fn another_number_of_ranks_goes_on_and_so_does_one_process() {
+fn checkpoint_resumes_on_another_number_of_ranks_and_in_one_process() {
     let directory = tempfile::tempdir().unwrap();
     let [one, many] = ["one", "many"].map(|name| directory.path().join(name));
     let path = scenario("acid-base");

@@ -19,7 +19,7 @@ impl BisectionPlane {
     }
 }
 
-/// Recursive bisection of space into one part per rank. Only balance depends on it, so it can be kept for
+/// Recursive bisection of space into one domain per rank. Only balance depends on it, so it can be kept for
 /// many steps. [Tie breakers](crate::tie_breaker) divide spheres of equal coordinates evenly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Partition {
@@ -153,14 +153,14 @@ mod tests {
     }
 
     #[test]
-    fn few_spheres_leave_parts_empty() {
+    fn few_spheres_leave_domains_empty() {
         assert_eq!(sizes(&[], 8), [0; 8]);
         assert_eq!(sizes(&[Vec3::ONE], 8).iter().sum::<u64>(), 1);
         assert_eq!(sizes(&[Vec3::ONE; 7], 8).iter().max(), Some(&1));
     }
 
     #[test]
-    fn splits_of_another_partition_are_refused() {
+    fn planes_of_another_partition_are_refused() {
         let error =
             Partition::from_planes(3, vec![BisectionPlane { at: 0.0, tie_breaker: 0, axis: 0 }]).unwrap_err();
         assert_eq!(

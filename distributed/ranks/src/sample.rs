@@ -5,7 +5,7 @@ use bytemuck::{Pod, Zeroable};
 use crate::Coordinate;
 use crate::hash::{mix, tie_breaker};
 
-/// A part's size errs by about 1.1 %, the reciprocal square root.
+/// A domain's size errs by about 1.1 %, the reciprocal square root.
 pub const SAMPLES_PER_DOMAIN: u64 = 8192;
 /// The rank that gathers the samples needs 64 MB.
 pub const MAX_SAMPLES: u64 = 1 << 21;

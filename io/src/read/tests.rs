@@ -60,7 +60,7 @@ fn radii_that_no_sphere_can_have_are_refused() {
 }
 
 #[test]
-fn rounding_is_told_once_with_the_first_number() {
+fn rounding_warning_appears_once_with_the_first_number() {
     let text = "x,y,z,r\n1,2,3,4\n16777217,0,0,1\n1,16777219,0,1\n";
     let mut reader = Frames::new("a.csv", Cursor::new(text), None, Options::default()).unwrap();
     assert_eq!(reader.rounding(), None);
@@ -307,7 +307,7 @@ fn smoldyn_refusals_name_line_and_value() {
 }
 
 #[test]
-fn formats_are_told_by_option_then_extension_then_content() {
+fn format_is_chosen_by_option_then_extension_then_content() {
     let text = "x,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n";
     assert_eq!(rows("no-extension", text, &[]), TWO);
     assert_eq!(rows("a.dat", text, &[]), TWO);

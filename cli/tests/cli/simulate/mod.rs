@@ -284,7 +284,7 @@ fn a_run_that_will_not_fit_the_disk_is_refused() {
 }
 
 #[test]
-fn a_run_goes_on_on_another_back_end_and_says_so() {
+fn run_resumes_on_another_backend_with_a_warning() {
     if !has_gpu() {
         return;
     }

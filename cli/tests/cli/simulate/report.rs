@@ -185,7 +185,7 @@ fn report_without_a_table_removes_an_earlier_one() {
 }
 
 #[test]
-fn resumed_run_drops_the_report_of_its_shorter_part() {
+fn resumed_run_drops_the_report_of_fewer_steps() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("bits.toml", BITS), scratch.path("out"));
     let derived = ["report.html", "plots", "impulse-response.csv", "bit-errors.csv"];

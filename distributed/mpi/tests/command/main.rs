@@ -126,7 +126,7 @@ fn a_file_per_rank_and_a_manifest() {
 }
 
 #[test]
-fn an_input_error_is_printed_once_with_its_place_in_the_file() {
+fn input_error_is_printed_once_with_its_location() {
     let directory = tempfile::tempdir().unwrap();
     let at = |name: &str| directory.path().join(name);
     let mut spheres = spheres(300);

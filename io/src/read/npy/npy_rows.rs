@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_rows_are_the_rows_of_the_file() {
+    fn ranges_of_rows_are_the_rows_of_the_file() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.npy");
         let plain = "{'descr': '<f4', 'fortran_order': False, 'shape': (10, 4), }";
@@ -131,7 +131,7 @@ mod tests {
     }
 
     #[test]
-    fn only_contiguous_rows_have_parts() {
+    fn only_contiguous_rows_are_read_by_range() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.npy");
         let open = |text: &str, data: &[u8]| {
