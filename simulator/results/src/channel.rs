@@ -54,7 +54,7 @@ impl Channels {
 
     fn empty(model: &Model, steps: u32) -> Self {
         let mut channels = Self::default();
-        let link_message = |link: Link| messages(model).find(|&(place, _)| place == link.transmitter);
+        let link_message = |link: Link| messages(model).find(|&(index, _)| index == link.transmitter);
         for link in Link::all(model) {
             let message = link_message(link).map(|(_, message)| message);
             if message.is_some() {
@@ -79,8 +79,8 @@ impl Channels {
                 channels.interference.push(Interference::new(link, link.source(model), SYMBOLS));
             }
         }
-        for (place, message) in messages(model) {
-            let release = &model.transmitters[place].release;
+        for (index, message) in messages(model) {
+            let release = &model.transmitters[index].release;
             let counts_some =
                 |one: &&Receiver| release.iter().any(|&(species, _)| one.counts(species as usize));
             let receivers = model.receivers.iter().enumerate().filter(|(_, own)| counts_some(own));
@@ -92,7 +92,7 @@ impl Channels {
                 };
                 for &detector in detectors {
                     let all = delays(message, model.time_step)
-                        .map(|delay| BitErrors::new(model, message, [place, receiver], detector, delay));
+                        .map(|delay| BitErrors::new(model, message, [index, receiver], detector, delay));
                     channels.bit_errors.extend(all);
                 }
             }
@@ -103,7 +103,7 @@ impl Channels {
     fn add(&mut self, files: &ReplicaFiles, model: &Model, steps: u32) {
         let (log, rows) = (&files.log, &files.series.steps);
         let sent: Vec<_> = messages(model)
-            .map(|(place, message)| (place, message, SymbolSlots::new(message, model.time_step, 0, steps)))
+            .map(|(index, message)| (index, message, SymbolSlots::new(message, model.time_step, 0, steps)))
             .collect();
         let of = |transmitter: usize| sent.iter().find(|sent| sent.0 == transmitter);
         let is_momentary = |link: Link| model.receivers[link.receiver].is_momentary();

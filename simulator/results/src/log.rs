@@ -58,16 +58,16 @@ impl Log {
         let mut lines = TableReader::open(&path, begin, BYTES_PER_FIELD)?;
         while let Some(line) = lines.next_row()? {
             let origin = names.origin(&line, 5, model)?;
-            let receiver = place(&names.receivers, &line, 2)?;
-            let species = place(&names.species, &line, 3)?;
+            let receiver = index_of_name(&names.receivers, &line, 2)?;
+            let species = index_of_name(&names.species, &line, 3)?;
             log.arrivals.push(Arrived { step: line.number(0)?, receiver, species, origin });
         }
         let path = directory.join("releases.csv");
         let begin = "step,time,transmitter,species,count";
         let mut lines = TableReader::open(&path, begin, BYTES_PER_FIELD)?;
         while let Some(line) = lines.next_row()? {
-            let transmitter = place(&names.transmitters, &line, 2)?;
-            let species = place(&names.species, &line, 3)?;
+            let transmitter = index_of_name(&names.transmitters, &line, 2)?;
+            let species = index_of_name(&names.species, &line, 3)?;
             log.releases.push(Released {
                 step: line.number(0)?,
                 transmitter,
@@ -80,8 +80,8 @@ impl Log {
             let begin = "step,time,receiver,species,transmitter,released,count";
             let mut lines = TableReader::open(&path, begin, BYTES_PER_FIELD)?;
             while let Some(line) = lines.next_row()? {
-                let receiver = place(&names.receivers, &line, 2)?;
-                let species = place(&names.species, &line, 3)?;
+                let receiver = index_of_name(&names.receivers, &line, 2)?;
+                let species = index_of_name(&names.species, &line, 3)?;
                 let origin = names.origin(&line, 4, model)?;
                 let (step, count) = (line.number(0)?, line.number(6)?);
                 log.inside.push(Inside { step, receiver, species, origin, count });
@@ -108,11 +108,11 @@ impl Names<'_> {
             return Ok(None);
         }
         let step = (line.number::<f64>(column + 1)? / model.time_step).round() as u32;
-        Ok(Some((place(&self.transmitters, line, column)?, step)))
+        Ok(Some((index_of_name(&self.transmitters, line, column)?, step)))
     }
 }
 
-fn place(names: &[&str], line: &TableRow<'_>, column: usize) -> Result<usize, Error> {
+fn index_of_name(names: &[&str], line: &TableRow<'_>, column: usize) -> Result<usize, Error> {
     let name = line.field(column);
     names
         .iter()

@@ -42,8 +42,8 @@ impl SymbolSlots {
 }
 
 pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
-    model.transmitters.iter().enumerate().filter_map(|(place, transmitter)| match &transmitter.schedule {
-        Schedule::Message(message) => Some((place, message)),
+    model.transmitters.iter().enumerate().filter_map(|(index, transmitter)| match &transmitter.schedule {
+        Schedule::Message(message) => Some((index, message)),
         _ => None,
     })
 }

@@ -47,10 +47,10 @@ impl<'a> LigandRows<'a> {
 
     fn of(&self, species: u32, event: EventRow) -> impl Iterator<Item = EventRow> {
         let Self { model, tallies, .. } = self;
-        let (place, time_step) = (event.receiver as usize, model.time_step);
-        let receiver = &model.receivers[place];
-        let concentration = self.surface_steps.concentration_of(place).map_or(0.0, |k| k as f32);
-        let types = (self.first_types[place]..).zip(receiver.receptor_types());
+        let (index, time_step) = (event.receiver as usize, model.time_step);
+        let receiver = &model.receivers[index];
+        let concentration = self.surface_steps.concentration_of(index).map_or(0.0, |k| k as f32);
+        let types = (self.first_types[index]..).zip(receiver.receptor_types());
         types.filter_map(move |(receptor, kind)| {
             let ligand = kind.ligand(species)?;
             let reactivity = adsorption::reactivity(ligand.binding_rate, 1, receiver.radius.into());

@@ -181,10 +181,10 @@ impl Cells {
 
     fn sphere(&self, at: usize, reach: f32) -> Sphere {
         let [x, y, _] = self.cells.map(|count| count as usize);
-        let place = [at % x, at / x % y, at / x / y];
+        let cell = [at % x, at / x % y, at / x / y];
         let edge: [f64; 3] = std::array::from_fn(|k| self.length[k] / f64::from(self.cells[k]));
         let center: [f32; 3] =
-            std::array::from_fn(|k| (self.low[k] + (place[k] as f64 + 0.5) * edge[k]) as f32);
+            std::array::from_fn(|k| (self.low[k] + (cell[k] as f64 + 0.5) * edge[k]) as f32);
         let half = 0.5 * edge.iter().map(|edge| edge * edge).sum::<f64>().sqrt();
         let off: f64 = (0..3).map(|k| ROUNDING * (self.low[k].abs() + self.length[k])).sum();
         let radius = reach + (half + off) as f32;

@@ -3,7 +3,7 @@
 use super::layout::{ReceiverRow, TrajectoryHeader};
 use super::plan::LOG_ROWS;
 use crate::model::Model;
-use crate::motion::receiver_state::{self, Place};
+use crate::motion::receiver_state::{self, ReceiverMove};
 use crate::random::philox::Key;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -43,15 +43,16 @@ impl ReceiverTrajectory {
         };
         let mut here = centers.to_vec();
         for step in first..first + if moves { steps } else { 0 } {
-            let places = receiver_state::move_receivers(model, &here, key, step);
-            for (&center, place) in here.iter().zip(&places) {
-                let way = place.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
+            let receiver_moves = receiver_state::move_receivers(model, &here, key, step);
+            for (&center, receiver_move) in here.iter().zip(&receiver_moves) {
+                let way = receiver_move.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
                 trajectory.head.max_displacement = trajectory.head.max_displacement.max(way);
-                trajectory
-                    .rows
-                    .push(ReceiverRow { center: center.into(), displacement: place.displacement.into() });
+                trajectory.rows.push(ReceiverRow {
+                    center: center.into(),
+                    displacement: receiver_move.displacement.into(),
+                });
             }
-            let next = places.iter().map(|place| place.center).collect();
+            let next = receiver_moves.iter().map(|receiver_move| receiver_move.center).collect();
             trajectory.centers.push(std::mem::replace(&mut here, next));
         }
         trajectory.rows.extend(
@@ -70,14 +71,17 @@ impl ReceiverTrajectory {
     }
 
     /// Returns the receivers after `done` steps, at least one of which is in the trajectory.
-    pub(super) fn places_at(&self, done: u32) -> Vec<Place> {
-        let mut places = Place::at_rest(self.centers_at(done));
+    pub(super) fn receiver_moves_at(&self, done: u32) -> Vec<ReceiverMove> {
+        let mut receiver_moves = ReceiverMove::at_rest(self.centers_at(done));
         if self.head.stride > 0 {
-            let first = (done - 1 - self.head.first) as usize * places.len();
+            let first = (done - 1 - self.head.first) as usize * receiver_moves.len();
             let rows = &self.rows[first..];
-            places.iter_mut().zip(rows).for_each(|(place, row)| place.displacement = row.displacement.into());
+            receiver_moves
+                .iter_mut()
+                .zip(rows)
+                .for_each(|(receiver_move, row)| receiver_move.displacement = row.displacement.into());
         }
-        places
+        receiver_moves
     }
 
     pub(super) fn centers_at(&self, done: u32) -> &[[f32; 3]] {

@@ -155,15 +155,15 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
     for (id, species) in model.species.iter().enumerate() {
         let events_begin = event_rows.len() as u32;
         let step = motion.steps[id];
-        for (place, receiver) in model.receivers.iter().enumerate().filter(|(_, r)| r.sees[id]) {
+        for (index, receiver) in model.receivers.iter().enumerate().filter(|(_, r)| r.sees[id]) {
             let Some(surface) = surface(receiver, id, &step, model.time_step) else { continue };
             event_rows.push(EventRow {
                 drift: receiver.velocity.map(|v| (v * model.time_step) as f32).into(),
                 radius: receiver.radius,
                 diffusion: (receiver.diffusion * model.time_step) as f32,
-                receiver: place as u32,
+                receiver: index as u32,
                 product: NOTHING,
-                tally: tallies.arrival(place, id) as u32,
+                tally: tallies.arrival(index, id) as u32,
                 ..surface
             });
         }
@@ -179,12 +179,12 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
         }));
         let walls_begin = event_rows.len() as u32;
         let walls = model.receivers.iter().enumerate().filter(|(_, receiver)| receiver.sees[id]);
-        event_rows.extend(walls.filter_map(|(place, receiver)| {
+        event_rows.extend(walls.filter_map(|(index, receiver)| {
             let ReceiverKind::Wall(face) = receiver.kind else { return None };
             Some(EventRow {
                 kind: EventRow::WALL + face_index(face),
-                receiver: place as u32,
-                tally: tallies.arrival(place, id) as u32,
+                receiver: index as u32,
+                tally: tallies.arrival(index, id) as u32,
                 ..EventRow::default()
             })
         }));
@@ -267,10 +267,10 @@ fn below(probability: f64) -> Option<u32> {
 
 fn occupancy_rows(model: &Model, tallies: &Tallies) -> Vec<OccupancyRow> {
     let transparent = model.receivers.iter().enumerate().filter(|(_, r)| r.kind == ReceiverKind::Transparent);
-    let row = |(place, receiver): (usize, &crate::Receiver), species: usize| OccupancyRow {
-        receiver: place as u32,
+    let row = |(index, receiver): (usize, &crate::Receiver), species: usize| OccupancyRow {
+        receiver: index as u32,
         radius: receiver.radius,
-        first: tallies.arrival(place, species) as u32,
+        first: tallies.arrival(index, species) as u32,
         species: species as u32,
     };
     transparent

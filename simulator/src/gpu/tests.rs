@@ -214,8 +214,8 @@ fn matching_equals_sequential_greedy_matching() {
                 let ReactionCandidate { at, consumes, .. } = chosen;
                 let own = at.map(|at| at as f32);
                 // Products next to a catalyst stay at their reactants.
-                let places = if consumes == [true; 2] { [0.5 * (own[0] + own[1]); 2] } else { own };
-                (0..2).filter(|&k| consumes[k]).for_each(|k| expected[at[k] as usize] = Some(places[k]));
+                let positions = if consumes == [true; 2] { [0.5 * (own[0] + own[1]); 2] } else { own };
+                (0..2).filter(|&k| consumes[k]).for_each(|k| expected[at[k] as usize] = Some(positions[k]));
             }
             let found = matched(&own, &all, particles, [rounds, max_iterations]);
             assert_eq!(found, (0, expected), "{particles} particles, {count} candidates, {rounds} rounds");
@@ -245,8 +245,8 @@ fn survivors_are_compacted_in_output_order() {
         let word = |k: u32| philox([k, 0, 0, 0], [3, 0])[0];
         let mut order: Vec<u32> = (0..count).collect();
         order.sort_by_key(|&k| word(k));
-        let place = |k: u32| [k as f32, 0.5, -1.0, if word(k) % 5 == 0 { -1.0 } else { 0.25 }];
-        let moved: Vec<[f32; 4]> = (0..count).map(place).collect();
+        let row = |k: u32| [k as f32, 0.5, -1.0, if word(k) % 5 == 0 { -1.0 } else { 0.25 }];
+        let moved: Vec<[f32; 4]> = (0..count).map(row).collect();
         let species: Vec<u32> = (0..count).map(|k| word(k) % 3).collect();
         let tags: Vec<[u32; 2]> = (0..count).map(|k| [9, k * 7 + 1]).collect();
         let product = |k: u32| if word(k) % 7 == 2 { crate::gpu::layout::NOTHING } else { 5 };

@@ -52,8 +52,8 @@ fn links(model: &Model) -> Vec<Link> {
         dissociates[decay.reactant as usize] = true;
     }
     let all = model.decays.iter().enumerate().filter(|(_, decay)| decay.rate > 0.0);
-    let links = all.map(|(place, decay)| Link {
-        decay: place,
+    let links = all.map(|(index, decay)| Link {
+        decay: index,
         from: decay.reactant as usize,
         to: decay.products[0].map(|product| product as usize),
         rate: decay.rate,
@@ -105,8 +105,8 @@ mod tests {
 
     #[test]
     fn long_chain_is_refused_with_a_time_step_that_works() {
-        let (place, message) = faulty_chain(&cycle([3e6, 1e6], 1e-3)).expect("1500 decays per step");
-        assert!(place == 0 && message.contains("'0 ->' at 3000.0 expected decays per step"), "{message}");
+        let (index, message) = faulty_chain(&cycle([3e6, 1e6], 1e-3)).expect("1500 decays per step");
+        assert!(index == 0 && message.contains("'0 ->' at 3000.0 expected decays per step"), "{message}");
         let advised = message.split("time-step to ").nth(1).and_then(|rest| rest.split(' ').next());
         let advised: f64 = advised.and_then(|text| text.parse().ok()).expect("a time step");
         assert!((advised / 6.7e-4 - 1.0).abs() < 0.01, "{message}");

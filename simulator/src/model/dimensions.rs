@@ -45,7 +45,7 @@ impl Model {
         }
         let fits = |shape: Shape| match shape {
             Shape::Cylinder(along, ..) => dimensions == 2 && along == 2,
-            Shape::Lattice(_, places) => places[dimensions..].iter().all(|&count| count == 1),
+            Shape::Lattice(_, sites) => sites[dimensions..].iter().all(|&count| count == 1),
             _ => true,
         };
         let transmitter = self.transmitters.iter().find(|transmitter| !fits(transmitter.shape))?;

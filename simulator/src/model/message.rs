@@ -90,12 +90,12 @@ impl Message {
         self.start + f64::from(k) * self.symbol_time
     }
 
-    /// Returns the `k`-th symbol, from 0, of the transmitter with index `place`.
-    pub fn symbol(&self, k: u32, place: u32, key: Key) -> u32 {
+    /// Returns the `k`-th symbol, from 0, of the transmitter with index `transmitter`.
+    pub fn symbol(&self, k: u32, transmitter: u32, key: Key) -> u32 {
         match &self.symbols {
             Symbols::Given(symbols) => symbols[k as usize],
             Symbols::Random { alphabet, .. } => {
-                key.draw(place, k, 0, Purpose::Symbol)[0] % (*alphabet).max(1)
+                key.draw(transmitter, k, 0, Purpose::Symbol)[0] % (*alphabet).max(1)
             }
         }
     }
@@ -149,8 +149,9 @@ mod tests {
     fn random_symbols_depend_on_seed_and_transmitter() {
         let symbols = Symbols::Random { count: 1000, alphabet: 4 };
         let message = Message { start: 0.0, symbol_time: 1.0, symbols, modulation: Modulation::Molecule };
-        let all =
-            |place, seed| (0..1000).map(|k| message.symbol(k, place, Key::new(seed))).collect::<Vec<_>>();
+        let all = |transmitter, seed| {
+            (0..1000).map(|k| message.symbol(k, transmitter, Key::new(seed))).collect::<Vec<_>>()
+        };
         assert_eq!(all(0, 1), all(0, 1));
         assert_ne!(all(0, 1), all(1, 1));
         assert_ne!(all(0, 1), all(0, 2));

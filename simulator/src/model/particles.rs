@@ -127,10 +127,10 @@ impl Particles {
     }
 
     /// Removes the particles at these distinct indices. The last ones fill the gaps.
-    pub fn remove(&mut self, places: &mut [u32]) {
-        places.sort_unstable_by(|a, b| b.cmp(a));
+    pub fn remove(&mut self, indices: &mut [u32]) {
+        indices.sort_unstable_by(|a, b| b.cmp(a));
         let with_velocity = self.has_velocity();
-        for &mut at in places {
+        for &mut at in indices {
             let at = at as usize;
             for axis in 0..3 {
                 self.position[axis].swap_remove(at);
@@ -144,14 +144,14 @@ impl Particles {
         }
     }
 
-    pub(crate) fn range(&self, places: Range<usize>) -> Self {
-        let velocity = if self.has_velocity() { places.clone() } else { 0..0 };
+    pub(crate) fn range(&self, indices: Range<usize>) -> Self {
+        let velocity = if self.has_velocity() { indices.clone() } else { 0..0 };
         Self {
-            position: self.position.each_ref().map(|column| column[places.clone()].to_vec()),
+            position: self.position.each_ref().map(|column| column[indices.clone()].to_vec()),
             velocity: self.velocity.each_ref().map(|column| column[velocity.clone()].to_vec()),
-            radius: self.radius[places.clone()].to_vec(),
-            species: self.species[places.clone()].to_vec(),
-            id: self.id[places].to_vec(),
+            radius: self.radius[indices.clone()].to_vec(),
+            species: self.species[indices.clone()].to_vec(),
+            id: self.id[indices].to_vec(),
         }
     }
 

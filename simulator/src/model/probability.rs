@@ -30,7 +30,7 @@ impl ReactionProbabilities<'_> {
     }
 
     pub(crate) fn shells(self, pair: [u32; 2]) -> Vec<ProbabilityShell> {
-        let with_back = |(place, reaction)| (place, reaction, self.inverse_rate(reaction));
+        let with_back = |(index, reaction)| (index, reaction, self.inverse_rate(reaction));
         let channels: Vec<_> = channels(self.0, pair).map(with_back).collect();
         let mut radii: Vec<f32> = channels.iter().map(|(_, reaction, _)| reaction.binding_radius).collect();
         radii.sort_unstable_by(f32::total_cmp);
@@ -38,10 +38,10 @@ impl ReactionProbabilities<'_> {
         let shell = |radius: f32| {
             let inside = || channels.iter().filter(|(_, reaction, _)| reaction.binding_radius >= radius);
             let alone = inside().map(|(_, reaction, _)| rate(reaction)).sum();
-            let chance = |&(place, reaction, back): &(usize, &Reaction, Option<f64>)| match reaction.chance {
-                ReactionRate::PerStep(probability) => (place, probability),
+            let chance = |&(index, reaction, back): &(usize, &Reaction, Option<f64>)| match reaction.chance {
+                ReactionRate::PerStep(probability) => (index, probability),
                 ReactionRate::PerTime(rate) => {
-                    (place, rate * factor(back.unwrap_or(alone), self.0.time_step))
+                    (index, rate * factor(back.unwrap_or(alone), self.0.time_step))
                 }
             };
             ProbabilityShell { radius, channels: inside().map(chance).collect() }
@@ -52,7 +52,7 @@ impl ReactionProbabilities<'_> {
     pub(crate) fn decays(self, species: u32) -> Vec<(usize, f64)> {
         let own = self.0.decays.iter().enumerate().filter(|(_, decay)| decay.reactant == species);
         let factor = factor(self.decay_rate(species), self.0.time_step);
-        own.map(|(place, decay)| (place, decay.rate * factor)).collect()
+        own.map(|(index, decay)| (index, decay.rate * factor)).collect()
     }
 
     pub(crate) fn decay_rate(self, species: u32) -> f64 {

@@ -228,9 +228,9 @@ mod tests {
     #[test]
     fn many_receivers_count_as_each_does() {
         let mut particles = Particles::default();
-        let place = |k: u32| philox([k, 0, 0, 0], [5, 0]).map(|word| 10.0 * open_unit(word));
+        let random_point = |k: u32| philox([k, 0, 0, 0], [5, 0]).map(|word| 10.0 * open_unit(word));
         for id in 0..3000 {
-            let [x, y, z, _] = place(id);
+            let [x, y, z, _] = random_point(id);
             particles
                 .push(Particle { id, position: [x, y, z], species: id % 3, ..Particle::default() }, false);
         }
@@ -243,7 +243,7 @@ mod tests {
             };
             let receivers: Vec<Receiver> = (0..60).map(one).collect();
             let centers: Vec<[f32; 3]> =
-                (0..60).map(|k| place(k + 9000)).map(|[x, y, z, _]| [x, y, z]).collect();
+                (0..60).map(|k| random_point(k + 9000)).map(|[x, y, z, _]| [x, y, z]).collect();
             let found = all_inside(&receivers, &centers, &boundary, &particles);
             let mut all = 0;
             for (k, receiver) in receivers.iter().enumerate() {

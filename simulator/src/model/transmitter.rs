@@ -69,18 +69,18 @@ pub enum Shape {
 
 impl Model {
     pub(crate) fn release_beyond_range(&self) -> Option<String> {
-        self.transmitters.iter().find_map(Transmitter::places_beyond_range)
+        self.transmitters.iter().find_map(Transmitter::point_beyond_range)
     }
 }
 
 impl Transmitter {
     /// Returns the species and numbers of each burst at the beginning of `step`. The transmitter's index `place`
     /// selects random symbols.
-    pub fn bursts(&self, place: u32, step: u32, time_step: f64, key: Key) -> Vec<Vec<(u32, u32)>> {
+    pub fn bursts(&self, index: u32, step: u32, time_step: f64, key: Key) -> Vec<Vec<(u32, u32)>> {
         match &self.schedule {
             Schedule::Times(times) => vec![self.release.clone(); due(times, step, time_step).len()],
             Schedule::Message(message) => {
-                let symbols = message.due(step, time_step).map(|k| message.symbol(k, place, key));
+                let symbols = message.due(step, time_step).map(|k| message.symbol(k, index, key));
                 symbols.map(|symbol| message.modulation.burst(symbol, &self.release)).collect()
             }
             Schedule::Steady { .. } => Vec::new(),
@@ -126,7 +126,7 @@ impl Transmitter {
     }
 
     /// Refuses places beyond the numbers of `f32`.
-    pub(crate) fn places_beyond_range(&self) -> Option<String> {
+    pub(crate) fn point_beyond_range(&self) -> Option<String> {
         let reach = self.shape.reach();
         let farthest = |k: usize| f64::from(self.center[k].abs()) + reach[k];
         let farthest = [0, 1, 2].map(farthest).into_iter().fold(0.0, f64::max);
@@ -187,8 +187,8 @@ impl Shape {
         ((u128::from(word) * count) >> 32).min(u32::MAX.into()) as u32
     }
 
-    /// Returns an offset, in µm, drawn by `words`; for a lattice, that of site `place`.
-    pub(crate) fn offset(self, words: [u32; 4], place: u32, boundary: &Boundary) -> [f32; 3] {
+    /// Returns an offset, in µm, drawn by `words`; for a lattice, that of site `site`.
+    pub(crate) fn offset(self, words: [u32; 4], site: u32, boundary: &Boundary) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],
             Self::Gaussian(width) => gaussian::normals(words).map(|z| z * width),
@@ -215,7 +215,7 @@ impl Shape {
                 offset
             }
             Self::Lattice(edges, [nx, ny, nz]) => {
-                let at = [place % nx, place / nx % ny, place / nx / ny % nz];
+                let at = [site % nx, site / nx % ny, site / nx / ny % nz];
                 let count = [nx, ny, nz];
                 std::array::from_fn(|k| ((at[k] as f32 + 0.5) / count[k] as f32 - 0.5) * edges[k])
             }
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn places_beyond_the_range_of_numbers_are_refused() {
+    fn points_beyond_the_range_of_numbers_are_refused() {
         let check = |center, shape| {
             let transmitter = Transmitter { name: "tx".into(), center, shape, ..Transmitter::default() };
             Model { time_step: 0.1, transmitters: vec![transmitter], ..Model::default() }.check()
@@ -337,7 +337,7 @@ mod tests {
     #[test]
     fn a_lattice_fills_its_box() {
         let shape = Shape::Lattice([4.0, 2.0, 2.0], [4, 2, 2]);
-        let site = |place| shape.offset([0; 4], place, &Boundary::default());
+        let site = |site| shape.offset([0; 4], site, &Boundary::default());
         assert_eq!(site(0), [-1.5, -0.5, -0.5]);
         assert_eq!(site(5), [-0.5, 0.5, -0.5]);
         assert_eq!(site(15), [1.5, 0.5, 0.5]);

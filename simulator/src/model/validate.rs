@@ -272,8 +272,8 @@ impl Model {
     }
 
     fn check_channels(&self) -> Result<(), Error> {
-        let Some((total, places)) = self.excessive_probability() else { return Ok(()) };
-        let names = places.iter().map(|&place| self.reactions[place].name.as_str());
+        let Some((total, indices)) = self.excessive_probability() else { return Ok(()) };
+        let names = indices.iter().map(|&index| self.reactions[index].name.as_str());
         let names = names.collect::<Vec<_>>().join(" and of ");
         // Probabilities per step do not depend on the time step.
         let fits = |time_step: f64| Self { time_step, ..self.clone() }.excessive_probability().is_none();
@@ -297,8 +297,8 @@ impl Model {
         let mut shells = chances.pairs().flat_map(|pair| chances.shells(pair));
         shells.find_map(|shell| {
             let total: f64 = shell.channels.iter().map(|(_, probability)| probability).sum();
-            let places = || shell.channels.iter().map(|&(place, _)| place).collect();
-            (total > 1.0 + 1e-9).then(|| (total, places()))
+            let indices = || shell.channels.iter().map(|&(index, _)| index).collect();
+            (total > 1.0 + 1e-9).then(|| (total, indices()))
         })
     }
 
@@ -311,7 +311,7 @@ impl Model {
             let count = self.receivers.len();
             return refused(format!("{name} moves with receiver {carrier} but there are {count} receivers"));
         }
-        if matches!(transmitter.shape, Shape::Lattice(_, places) if places.contains(&0)) {
+        if matches!(transmitter.shape, Shape::Lattice(_, sites) if sites.contains(&0)) {
             return refused(format!("the lattice of {name} has no places along an axis"));
         }
         match &transmitter.schedule {

@@ -63,7 +63,7 @@ impl Vessel {
     }
 
     /// Replaces the components across a cylinder, or all of a sphere, by those of a uniform place.
-    pub(crate) fn uniform_place(&self, mut p: [f32; 3], words: [u32; 4]) -> [f32; 3] {
+    pub(crate) fn uniform_point(&self, mut p: [f32; 3], words: [u32; 4]) -> [f32; 3] {
         let unit = f64::from(open_unit(words[0]));
         let offset = match self.along {
             None => direction(words[1], words[2]).map(|c| libm::cbrt(unit) * f64::from(c)),
@@ -140,7 +140,7 @@ impl Vessel {
         let begin = from.map(f64::from);
         let whole: [f64; 3] = std::array::from_fn(|k| f64::from(to[k]) - begin[k]);
         let center = self.center.map(f64::from);
-        let place = |part: f64, offset: [f64; 3]| -> [f64; 3] {
+        let point = |part: f64, offset: [f64; 3]| -> [f64; 3] {
             std::array::from_fn(|k| match self.along {
                 Some(along) if k == along => begin[k] + part * whole[k],
                 _ => center[k] + offset[k],
@@ -149,9 +149,9 @@ impl Vessel {
         let (mut corners, mut gone) = (vec![(0.0, begin)], 0.0);
         let end = self.follow(self.offset(begin), self.across(whole), |at, _, part| {
             gone += (1.0 - gone) * part;
-            corners.push((gone, place(gone, at)));
+            corners.push((gone, point(gone, at)));
         });
-        corners.push((1.0, place(1.0, end)));
+        corners.push((1.0, point(1.0, end)));
         corners
     }
 }

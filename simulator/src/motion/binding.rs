@@ -80,7 +80,7 @@ pub(crate) fn leaving(
 }
 
 /// Returns the position after unbinding, unless it is across a membrane or walls leave no space.
-pub(crate) fn place_of(
+pub(crate) fn unbound_position(
     model: &Model,
     held: &Bound,
     leaving: UnboundParticle,
@@ -90,7 +90,7 @@ pub(crate) fn place_of(
     let domain = model.boundary.inset(model.species[held.species as usize].radius);
     let away = receiver.radius + leaving.height;
     let away = away + rounding(center, away);
-    let place = domain.confine(std::array::from_fn(|k| center[k] + away * held.direction[k]));
+    let position = domain.confine(std::array::from_fn(|k| center[k] + away * held.direction[k]));
     let species = held.species as usize;
     let among_membranes = MembraneStep {
         membranes: &model.membranes,
@@ -100,8 +100,8 @@ pub(crate) fn place_of(
         spread: 0.0,
         gaps: [f32::INFINITY; 3],
     };
-    let is_outside = signed_distance(receiver.radius, center, &domain, place) >= 0.0;
-    (is_outside && !among_membranes.separates([place, center])).then_some(place)
+    let is_outside = signed_distance(receiver.radius, center, &domain, position) >= 0.0;
+    (is_outside && !among_membranes.separates([position, center])).then_some(position)
 }
 
 impl UnboundParticle {

@@ -83,7 +83,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         return path_line_hit(receiver, domain, path).or((b <= 0.0).then_some(Hit::at(1.0)));
     }
     if drift == [0.0; 3] {
-        return who.hits_sphere([receiver.place, 0], image_radius(receiver), [a, b], diffusion);
+        return who.hits_sphere([receiver.index, 0], image_radius(receiver), [a, b], diffusion);
     }
     let segment = PathSegment {
         number: 1,
@@ -153,13 +153,13 @@ impl DrawContext {
     #[inline]
     fn hits_sphere(
         self,
-        [place, part]: [u32; 2],
+        [receiver, part]: [u32; 2],
         radius: f32,
         heights: [f32; 2],
         diffusion: f32,
     ) -> Option<Hit> {
         let [a, b] = heights;
-        let word = || self.draw_part(place, part, Purpose::Receiver)[0];
+        let word = || self.draw_part(receiver, part, Purpose::Receiver)[0];
         let probability = if b <= 0.0 || a < 0.0 { 1.0 } else { hit_probability(radius, heights, diffusion) };
         let hit = probability >= 1.0 || probability > 0.0 && open_unit(word()) < probability;
         hit.then(|| Hit::between(heights, diffusion))
@@ -184,12 +184,12 @@ impl Hit {
     /// A Brownian path from height α to ±β first reaches a plane at s, where u = s/(1 − s) has the inverse Gaussian
     /// density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation (Michael, Schucany and Haas, *Generating
     /// random variates using transformations with multiple roots*, The American Statistician 30 (1976) 88).
-    pub(crate) fn time(&self, who: DrawContext, place: u32) -> f32 {
+    pub(crate) fn time(&self, who: DrawContext, receiver: u32) -> f32 {
         let Self { begin, part, heights: [a, b] } = *self;
         if part == 0.0 {
             return begin;
         }
-        let words = who.draw(place, Purpose::HitTime);
+        let words = who.draw(receiver, Purpose::HitTime);
         begin + part * first_passage([a, b], normals(words)[0], open_unit(words[2]))
     }
 }
@@ -260,7 +260,7 @@ impl BrownianBridge<'_> {
             let ends = [p, q].map(|end| self.domain.confine(end));
             let heights = self.receiver.heights(self.domain, ends, [begin, begin + part]);
             let hit = self.who.hits_sphere(
-                [self.receiver.place, self.first + number - 1],
+                [self.receiver.index, self.first + number - 1],
                 image_radius(self.receiver),
                 heights,
                 0.5 * spread * spread,

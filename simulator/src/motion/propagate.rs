@@ -162,8 +162,8 @@ impl Propagator {
                 let mut path = flight.path;
                 let mut own = self.with_velocity.then_some(flight.velocity);
                 if watches {
-                    let place = base + at;
-                    let (at, species) = (place as u32, species[at]);
+                    let index = base + at;
+                    let (at, species) = (index as u32, species[at]);
                     let mut moved = ParticleMove {
                         at,
                         species,
@@ -179,7 +179,7 @@ impl Propagator {
                     }
                     match receiver_search {
                         None => self.resolve_events(&mut moved, self.surfaces.bodies.all.iter(), &mut events),
-                        Some(receiver_search) if receiver_search.is_clear(place, &self.reach(&moved)) => {
+                        Some(receiver_search) if receiver_search.is_clear(index, &self.reach(&moved)) => {
                             self.absorb_or_decay(&moved, &mut events);
                         }
                         Some(_) => unsure.push(moved),
@@ -251,8 +251,8 @@ impl Propagator {
     }
 
     fn decayed(&self, at: u32, decay: &ChainedDecay, who: DrawContext) -> Event {
-        let ChainedDecay { decay: place, product, .. } = *decay;
-        Event::Decayed { at, decay: place, product, spared: self.decays.spares_product(decay, who) }
+        let ChainedDecay { decay: index, product, .. } = *decay;
+        Event::Decayed { at, decay: index, product, spared: self.decays.spares_product(decay, who) }
     }
 
     #[inline(always)]

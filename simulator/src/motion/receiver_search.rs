@@ -119,8 +119,8 @@ impl ReceiverSearch {
     }
 
     #[inline(always)]
-    pub(crate) fn is_clear(&self, place: usize, reach: &StepBounds) -> bool {
-        let [x, y, z, radius] = self.clear_spheres[place];
+    pub(crate) fn is_clear(&self, index: usize, reach: &StepBounds) -> bool {
+        let [x, y, z, radius] = self.clear_spheres[index];
         let d = [reach.middle[0] - x, reach.middle[1] - y, reach.middle[2] - z];
         let distance = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
         distance + reach.half + reach.more <= radius - self.traveled

@@ -11,7 +11,7 @@ use crate::random::philox::{Key, Purpose};
 #[derive(Clone, Debug)]
 pub struct ReceiverState {
     /// Index in the model.
-    pub place: u32,
+    pub index: u32,
     pub receiver: Receiver,
     /// Center at the beginning of the step, in µm.
     pub center: [f32; 3],
@@ -32,9 +32,9 @@ pub struct ReceiverState {
 }
 
 impl ReceiverState {
-    pub fn new(place: u32, receiver: Receiver, time_step: f64) -> Self {
+    pub fn new(index: u32, receiver: Receiver, time_step: f64) -> Self {
         Self {
-            place,
+            index,
             center: receiver.center,
             displacement: [0.0; 3],
             drift: receiver.velocity.map(|v| (v * time_step) as f32),
@@ -145,13 +145,13 @@ impl ActiveReceivers {
         self.reflecting
     }
 
-    pub(crate) fn set(&mut self, centers: &[[f32; 3]], places: &[Place], free: &[u32]) {
+    pub(crate) fn set(&mut self, centers: &[[f32; 3]], receiver_moves: &[ReceiverMove], free: &[u32]) {
         self.max_displacement = 0.0;
         for &k in &self.changing {
             let body = &mut self.all[k];
-            let at = body.place as usize;
+            let at = body.index as usize;
             body.center = centers[at];
-            body.displacement = places[at].displacement;
+            body.displacement = receiver_moves[at].displacement;
             let displacement = body.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
             self.max_displacement = self.max_displacement.max(displacement);
             let first = body.first_type as usize;
@@ -162,24 +162,24 @@ impl ActiveReceivers {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct ReceiverMove {
     /// In µm.
     pub(crate) center: [f32; 3],
     /// Not wrapped.
     pub(crate) displacement: [f32; 3],
 }
 
-impl Place {
+impl ReceiverMove {
     pub(crate) fn at_rest(centers: &[[f32; 3]]) -> Vec<Self> {
         centers.iter().map(|&center| Self { center, displacement: [0.0; 3] }).collect()
     }
 }
 
 /// Moves receivers by a step. Walls and membranes reflect their surfaces; receivers pass through each other.
-pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) -> Vec<Place> {
+pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) -> Vec<ReceiverMove> {
     let one = |(at, (receiver, &center)): (usize, (&Receiver, &[f32; 3]))| {
         if !receiver.moves() {
-            return Place { center, displacement: [0.0; 3] };
+            return ReceiverMove { center, displacement: [0.0; 3] };
         }
         let spread = (2.0 * receiver.diffusion * model.time_step).sqrt() as f32;
         let z = normals(key.draw(at as u32, 0, step, Purpose::ReceiverMotion));
@@ -193,7 +193,7 @@ pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step
             Axis::Periodic { .. } => end[k] - center[k],
             _ => after[k] - center[k],
         });
-        Place { center: after, displacement }
+        ReceiverMove { center: after, displacement }
     };
     model.receivers.iter().zip(centers).enumerate().map(one).collect()
 }

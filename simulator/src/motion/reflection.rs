@@ -55,16 +55,16 @@ pub(crate) fn reflect_path(
     for _ in 0..BOUNCES {
         let left = 1.0 - time;
         let meets = |o: &Obstacle<'_>| {
-            Some((o.meeting(gone, time, displacement).filter(|&s| s < left)?, o.body.place))
+            Some((o.meeting(gone, time, displacement).filter(|&s| s < left)?, o.body.index))
         };
         let next = obstacles.iter().filter_map(|o| Some((meets(o)?, o)));
-        let Some(((after, place), obstacle)) = next.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0)) else {
+        let Some(((after, index), obstacle)) = next.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0)) else {
             gone = std::array::from_fn(|k| gone[k] + left * displacement[k]);
             length += left * dot(displacement, displacement).sqrt();
             break;
         };
         gone = std::array::from_fn(|k| gone[k] + after * displacement[k]);
-        first = first.or(Some((place, at(gone))));
+        first = first.or(Some((index, at(gone))));
         length += after * dot(displacement, displacement).sqrt();
         time += after;
         let out = obstacle.offset_at(gone, time);

@@ -116,7 +116,7 @@ impl ActiveReceivers {
         let mut first = FirstHit::default();
         for body in seen {
             if let Some(hit) = hits(body, surroundings.domain, &path, who) {
-                first.update(who, Capture { hit, event: Event::Arrived { at, receiver: body.place } });
+                first.update(who, Capture { hit, event: Event::Arrived { at, receiver: body.index } });
             }
         }
         first.0
@@ -160,13 +160,13 @@ fn reflect_or_keep<'a>(
     for body in near.into_iter().filter(|body| body.receiver.kind != ReceiverKind::Reflecting) {
         // The path to the first reflecting surface is the original one.
         let taken = match &reflected {
-            Some(ReflectedPath { first, path, .. }) if *first != body.place => path,
+            Some(ReflectedPath { first, path, .. }) if *first != body.index => path,
             _ => &path,
         };
         let Some(hit) = hits(body, domain, taken, who) else { continue };
         let event = match reflects(body) {
             true => adsorb(moved, body, (domain, taken, duration)),
-            false => Some(Event::Arrived { at, receiver: body.place }),
+            false => Some(Event::Arrived { at, receiver: body.index }),
         };
         if let Some(event) = event {
             first.update(who, Capture { hit, event });
@@ -197,11 +197,11 @@ fn adsorb(
         }
     };
     // The first word has decided on the hit.
-    let [_, word, rank, of_type] = who.draw(body.place, Purpose::Receiver);
+    let [_, word, rank, of_type] = who.draw(body.index, Purpose::Receiver);
     if fine_unit(word) >= probability {
         return None;
     }
-    let receiver = body.place;
+    let receiver = body.index;
     if !has_receptors {
         return Some(Event::Arrived { at, receiver });
     }

@@ -69,11 +69,11 @@ pub(crate) fn append(out: &mut impl Write, model: &Model, state: &State, most: N
     let receivers = moving_receivers(model).count() as u32;
     let head = [state.step, shift, present as u32, (present >> 32) as u32, drawn(shift) as u32, receivers];
     let mut bytes: Vec<u8> = head.iter().flat_map(|word| word.to_le_bytes()).collect();
-    let mut places: Vec<usize> =
+    let mut order: Vec<usize> =
         (0..particles.len()).filter(|&at| is_drawn(particles.id[at], shift)).collect();
     // The order of storage is no part of results.
-    places.sort_unstable_by_key(|&at| particles.id[at]);
-    for at in places {
+    order.sort_unstable_by_key(|&at| particles.id[at]);
+    for at in order {
         let [x, y, z] = particles.position_of(at).map(f32::to_bits);
         for word in [particles.id[at], particles.species[at], x, y, z] {
             bytes.extend(word.to_le_bytes());

@@ -48,6 +48,6 @@ pub(super) fn rows_of_releases(
     Ok(())
 }
 
-fn transmitter(model: &Model, place: u32) -> &str {
-    &model.transmitters[place as usize].name
+fn transmitter(model: &Model, index: u32) -> &str {
+    &model.transmitters[index as usize].name
 }

@@ -141,8 +141,8 @@ impl Kind {
             Self::Number => Arc::new(Float64Array::from(numbers(column, lines)?)),
             Self::Name(names) => {
                 let key = |line: &TableRow<'_>| {
-                    let place = names.iter().position(|name| name == Some(line.field(column)));
-                    place.map(|place| place as i32)
+                    let index = names.iter().position(|name| name == Some(line.field(column)));
+                    index.map(|index| index as i32)
                 };
                 let keys = lines.iter().map(key).collect();
                 Arc::new(

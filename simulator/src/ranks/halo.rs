@@ -105,9 +105,9 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
                 |ghost: &SentGhost| (ghost.rank, MoverMessage::new(&movers[ghost.at as usize], ghost.slot));
             let send = unsent.iter().map(message).collect();
             let (ghosts, counts) = send_to_ranks(self.communicator, "ghosts in motion", send)?;
-            let mut places = movers.len() as u32..;
+            let mut indices = movers.len() as u32..;
             for (held, count) in self.held.iter_mut().zip(counts) {
-                held.extend(places.by_ref().take(count));
+                held.extend(indices.by_ref().take(count));
             }
             movers.extend(ghosts.iter().map(MoverMessage::mover));
             self.sent.extend(unsent);
@@ -191,7 +191,7 @@ mod tests {
             (self.movers[at as usize].position[0] as u32 / 2).min(RANKS - 1)
         }
 
-        fn places(&self, rank: u32, hops: u32) -> Vec<u32> {
+        fn indices(&self, rank: u32, hops: u32) -> Vec<u32> {
             let all = 0..self.movers.len() as u32;
             let mut is_here: Vec<bool> = all.clone().map(|at| self.owner(at) == rank).collect();
             for _ in 0..hops {
@@ -201,17 +201,17 @@ mod tests {
                     is_here[*b as usize] |= before[*a as usize];
                 }
             }
-            let mut places: Vec<u32> = all.filter(|&at| is_here[at as usize]).collect();
-            places.sort_by_key(|&at| (self.owner(at) != rank, self.owner(at)));
-            places
+            let mut indices: Vec<u32> = all.filter(|&at| is_here[at as usize]).collect();
+            indices.sort_by_key(|&at| (self.owner(at) != rank, self.owner(at)));
+            indices
         }
 
-        fn run<H: Halo>(&self, places: &[u32], own: usize, halo: &mut H) -> (Vec<Mover>, WindowEnd)
+        fn run<H: Halo>(&self, indices: &[u32], own: usize, halo: &mut H) -> (Vec<Mover>, WindowEnd)
         where
             H::Error: std::fmt::Debug,
         {
-            let mut movers: Vec<Mover> = places.iter().map(|&at| self.movers[at as usize]).collect();
-            let local = |at: &u32| places.iter().position(|place| place == at).map(|at| at as u32);
+            let mut movers: Vec<Mover> = indices.iter().map(|&at| self.movers[at as usize]).collect();
+            let local = |at: &u32| indices.iter().position(|index| index == at).map(|at| at as u32);
             let pair = |[a, b]: &[u32; 2]| Some([local(a)?, local(b)?]);
             let pairs: Vec<_> = self.pairs.iter().filter_map(pair).collect();
             let mut neighbors = Adjacency::default();
@@ -229,14 +229,14 @@ mod tests {
         fn over_ranks(&self, hops: u32) -> (Vec<Mover>, WindowEnd) {
             let ranks = threads::on(RANKS, |mut thread| {
                 let this = thread.rank();
-                let places = self.places(this, hops);
-                let own = places.iter().filter(|&&at| self.owner(at) == this).count();
+                let indices = self.indices(this, hops);
+                let own = indices.iter().filter(|&&at| self.owner(at) == this).count();
                 let count =
-                    |rank| places.iter().filter(|&&at| rank != this && self.owner(at) == rank).count();
+                    |rank| indices.iter().filter(|&&at| rank != this && self.owner(at) == rank).count();
                 let mut sent = Vec::new();
                 for rank in (0..RANKS).filter(|&rank| rank != this) {
-                    let there = self.places(rank, hops).into_iter().filter(|&at| self.owner(at) == this);
-                    let local = |at| places.iter().position(|&place| place == at).expect("own") as u32;
+                    let there = self.indices(rank, hops).into_iter().filter(|&at| self.owner(at) == this);
+                    let local = |at| indices.iter().position(|&index| index == at).expect("own") as u32;
                     sent.extend((0..).zip(there).map(|(slot, at)| SentGhost { at: local(at), rank, slot }));
                 }
                 sent.sort_unstable_by_key(|ghost| ghost.at);
@@ -244,7 +244,7 @@ mod tests {
                 let held = (0..RANKS).map(|rank| next.by_ref().take(count(rank)).collect()).collect();
                 let mut halo =
                     RankHalo { communicator: &mut thread, wrapper: &SphereWrapper::default(), sent, held };
-                self.run(&places, own, &mut halo)
+                self.run(&indices, own, &mut halo)
             });
             let end = ranks[0].1;
             let mut movers: Vec<Mover> = ranks.into_iter().flat_map(|(movers, _)| movers).collect();

@@ -76,12 +76,12 @@ impl DistributedMatching {
         ghosts: &Ghosts,
         mut sample: impl FnMut(&[bool], &mut BestCandidates) -> Result<(), Error>,
     ) -> Result<Vec<ReactionCandidate>, C::Error> {
-        let places = own + ghosts.particles().len();
-        self.best.resize(self.best.len().max(places), None);
-        self.taken.resize(self.taken.len().max(places), false);
+        let count = own + ghosts.particles().len();
+        self.best.resize(self.best.len().max(count), None);
+        self.taken.resize(self.taken.len().max(count), false);
         let (mut chosen, mut won) = (Vec::new(), Vec::new());
         loop {
-            let mut best = BestCandidates::new(places);
+            let mut best = BestCandidates::new(count);
             let sampled = sample(&self.taken, &mut best);
             communicator.agree(sampled.map_err(|error| communicator.failure(error.to_string())))?;
             let is_last = communicator.all_reduce_sum(&[best.bound.is_some().into()])[0] == 0;

@@ -249,10 +249,10 @@ fn kind(model: &Model, species: u32) -> SpeciesDecays {
     let rate: f64 = decays().map(|(_, decay)| decay.rate).sum();
     let probability = -libm::expm1(-rate * model.time_step);
     let mut share = 0.0;
-    let channel = |(place, decay): (usize, &crate::model::Decay)| {
+    let channel = |(index, decay): (usize, &crate::model::Decay)| {
         share += decay.rate / rate;
         let up_to = probability_threshold(probability * share)?;
-        Some(Channel { up_to, share, decay: place as u32, product: decay.products[0] })
+        Some(Channel { up_to, share, decay: index as u32, product: decay.products[0] })
     };
     SpeciesDecays { rate, channels: decays().filter_map(channel).collect(), dissociation: None }
 }

@@ -66,9 +66,9 @@ pub(crate) fn channel_words(model: &Model, species: u32) -> Vec<(u32, usize)> {
         return Vec::new();
     }
     let mut below = 0.0;
-    let word = |(place, probability): (usize, f64)| {
+    let word = |(index, probability): (usize, f64)| {
         below += probability;
-        Some((probability_threshold(below)?, place))
+        Some((probability_threshold(below)?, index))
     };
     ReactionProbabilities(model).decays(species).into_iter().filter_map(word).collect()
 }
@@ -81,18 +81,18 @@ impl Dissociation {
             radius: model.species[species as usize].radius,
             domain: center_domains[species as usize],
         };
-        let channel = |place: usize| {
-            let Decay { products, unbinding, .. } = model.decays[place];
+        let channel = |index: usize| {
+            let Decay { products, unbinding, .. } = model.decays[index];
             let share = match products {
                 [Some(a), Some(b)] => model.share([a, b]),
                 _ => 0.0,
             };
             let products = products.map(|species| species.map(product));
-            Channel { decay: place as u32, products, unbinding, share }
+            Channel { decay: index as u32, products, unbinding, share }
         };
         let of_species = |species: u32| {
             let words = channel_words(model, species).into_iter();
-            words.map(|(up_to, place)| (up_to, channel(place))).collect()
+            words.map(|(up_to, index)| (up_to, channel(index))).collect()
         };
         let channels: Vec<_> = (0..model.species.len() as u32).map(of_species).collect();
         let any = channels.iter().any(|channels: &Vec<_>| !channels.is_empty());
@@ -141,13 +141,13 @@ impl Dissociation {
         let away = self.boundary.direction_within(direction(first, second));
         let apart = away.map(|c| c * distance);
         let from = particles.position_of(at);
-        let place = |product: Product, along: f32| {
+        let placed = |product: Product, along: f32| {
             let to = std::array::from_fn(|k| from[k] + along * apart[k]);
             (product.species, product.radius, product.domain.confine(to))
         };
         let alone = channel.products[1].is_none();
         let along = if alone { [0.0; 2] } else { [-channel.share, 1.0 - channel.share] };
-        let products = [0, 1].map(|k| channel.products[k].map(|product| place(product, along[k])));
+        let products = [0, 1].map(|k| channel.products[k].map(|product| placed(product, along[k])));
         Some(Dissociated { at: at as u32, id, decay: channel.decay, products })
     }
 }

@@ -177,11 +177,11 @@ fn shells(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> 
         all.last().map_or(0.0, |shell| shell.radius).max(contact_distance(model, pair[0], pair[1]));
     let shell = |shell: ProbabilityShell| {
         let mut below = 0.0;
-        let rule = |(place, probability): (usize, f64)| {
+        let rule = |(index, probability): (usize, f64)| {
             below += probability;
-            let reaction = &model.reactions[place];
+            let reaction = &model.reactions[index];
             Some(ReactionRule {
-                reaction: place as u32,
+                reaction: index as u32,
                 first: reaction.reactants[0],
                 up_to: probability_threshold(below)?,
                 consumes: consumes(reaction),

@@ -13,7 +13,7 @@ use crate::error::Error;
 use crate::model::Model;
 use crate::model::particles::{Particle, Particles};
 use crate::model::transmitter::{CountDistribution, Schedule, Shape, Transmitter};
-use crate::motion::receiver_state::Place;
+use crate::motion::receiver_state::ReceiverMove;
 use crate::motion::surfaces::Surfaces;
 use crate::random::philox::{Draws, Key, Purpose, open_unit};
 use crate::reaction::decay::Decays;
@@ -48,7 +48,7 @@ pub(crate) struct ReleaseStep<'a> {
     /// Equal on all ranks.
     pub(crate) next_id: u32,
     /// Receivers at the beginning of the step, with displacements in the step before.
-    pub(crate) places: &'a [Place],
+    pub(crate) receiver_moves: &'a [ReceiverMove],
 }
 
 /// Particles of one species from a burst, or from steady release in the last step.
@@ -114,9 +114,9 @@ impl Model {
     /// # Errors
     /// [`Error::OutOfIds`] if ids would exceed the largest one. Those of [`Particles::reserve`].
     pub(crate) fn release(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<Released, Error> {
-        let ReleaseStep { key, step, next_id, places, .. } = at;
+        let ReleaseStep { key, step, next_id, receiver_moves, .. } = at;
         let mut batches: Vec<_> = self.all_batches(step, key).collect();
-        batches.iter_mut().for_each(|batch| batch.center = center_among(places, batch.from));
+        batches.iter_mut().for_each(|batch| batch.center = center_among(receiver_moves, batch.from));
         let released = u64::from(next_id) + batches.iter().map(|batch| u64::from(batch.count)).sum::<u64>();
         if released > lazygrid::MAX_SPHERES {
             return Err(Error::OutOfIds { released });
@@ -167,18 +167,18 @@ impl Model {
     }
 
     fn all_batches(&self, step: u32, key: Key) -> impl Iterator<Item = Batch<'_>> {
-        let of = move |(place, transmitter)| self.batches(transmitter, place, step, key);
+        let of = move |(index, transmitter)| self.batches(transmitter, index, step, key);
         (0..).zip(&self.transmitters).flat_map(of)
     }
 
-    fn batches<'a>(&self, from: &'a Transmitter, place: u32, step: u32, key: Key) -> Vec<Batch<'a>> {
-        let mut words = Draws::new(key, place, step, Purpose::Count);
+    fn batches<'a>(&self, from: &'a Transmitter, index: u32, step: u32, key: Key) -> Vec<Batch<'a>> {
+        let mut words = Draws::new(key, index, step, Purpose::Count);
         let mut poisson = |mean: f64| match Poisson::new(mean) {
             Ok(distribution) => distribution.sample(&mut words).min(f64::from(u32::MAX)) as u32,
             Err(_) => 0,
         };
         let Schedule::Steady { from: begin, until, rates } = &from.schedule else {
-            let bursts = from.bursts(place, step, self.time_step, key);
+            let bursts = from.bursts(index, step, self.time_step, key);
             let entries = bursts.into_iter().flat_map(|burst| burst.into_iter().enumerate());
             let batch = |(entry, (species, count))| {
                 let count = if from.numbers == CountDistribution::Poisson {
@@ -186,7 +186,7 @@ impl Model {
                 } else {
                     count
                 };
-                Batch::of_burst(from, Emission { transmitter: place, species, count }, entry > 0)
+                Batch::of_burst(from, Emission { transmitter: index, species, count }, entry > 0)
             };
             return entries.map(batch).collect();
         };
@@ -213,7 +213,7 @@ impl Model {
                 now,
                 site,
                 ages,
-                ..Batch::of_burst(from, Emission { transmitter: place, species, count }, entry > 0)
+                ..Batch::of_burst(from, Emission { transmitter: index, species, count }, entry > 0)
             }
         };
         rates.iter().enumerate().map(batch).collect()
@@ -228,13 +228,13 @@ impl Model {
             Ages::Between(..) => batch.from.shape.random_site(words[0]),
             Ages::None | Ages::Spaced(..) => site,
         };
-        let position = self.place(batch, words, site);
+        let position = self.position_at_site(batch, words, site);
         let position = self
             .drawn_within_vessel(batch, position, |part| key.draw_part([id, 0], part, 0, Purpose::Release));
         Particle { position, velocity, radius: 0.0, species, id }
     }
 
-    fn place(&self, batch: &Batch<'_>, words: [u32; 4], site: u32) -> [f32; 3] {
+    fn position_at_site(&self, batch: &Batch<'_>, words: [u32; 4], site: u32) -> [f32; 3] {
         let offset = batch.from.shape.offset(words, site, &self.boundary);
         std::array::from_fn(|k| batch.center[k] + offset[k])
     }
@@ -256,10 +256,10 @@ impl Model {
         }
         let draw = |part: u32| {
             let words = words(part);
-            self.place(batch, words, shape.random_site(words[0]))
+            self.position_at_site(batch, words, shape.random_site(words[0]))
         };
         let drawn = (1..=ATTEMPTS).map(draw).find(is_inside);
-        drawn.unwrap_or_else(|| vessel.uniform_place(position, words(ATTEMPTS + 1)))
+        drawn.unwrap_or_else(|| vessel.uniform_point(position, words(ATTEMPTS + 1)))
     }
 
     fn add(&self, particle: Particle, out: &mut Released) {
@@ -277,9 +277,14 @@ impl<'a> Batch<'a> {
     }
 
     /// Creates a batch outside the schedule. Ids ascend from `first_id`, and also select lattice sites.
-    pub(crate) fn of_ids(from: &'a Transmitter, emission: Emission, first_id: u32, places: &[Place]) -> Self {
+    pub(crate) fn of_ids(
+        from: &'a Transmitter,
+        emission: Emission,
+        first_id: u32,
+        receiver_moves: &[ReceiverMove],
+    ) -> Self {
         let batch = Self::of_burst(from, emission, false);
-        Self { center: center_among(places, from), site: first_id, ..batch }
+        Self { center: center_among(receiver_moves, from), site: first_id, ..batch }
     }
 
     fn age(&self, nth: u32, word: u32) -> f64 {
@@ -291,9 +296,9 @@ impl<'a> Batch<'a> {
     }
 }
 
-fn center_among(places: &[Place], from: &Transmitter) -> [f32; 3] {
-    let place = from.carrier.and_then(|carrier| places.get(carrier as usize));
-    place.map_or(from.center, |place| place.center)
+fn center_among(receiver_moves: &[ReceiverMove], from: &Transmitter) -> [f32; 3] {
+    let receiver_move = from.carrier.and_then(|carrier| receiver_moves.get(carrier as usize));
+    receiver_move.map_or(from.center, |receiver_move| receiver_move.center)
 }
 
 /// Returns the number of evenly spaced particles released until `time`. Numbers of successive steps add up exactly,

@@ -12,7 +12,7 @@ use crate::model::particles::Particle;
 use crate::model::receiver::{rounding, signed_distance};
 use crate::motion::path_hit::length;
 use crate::motion::propagate::{Event, ROUNDED};
-use crate::motion::receiver_state::{Place, ReceiverState};
+use crate::motion::receiver_state::{ReceiverMove, ReceiverState};
 use crate::motion::species_step::{FreePaths, SpeciesStep};
 use crate::motion::surface_events::{Capture, ParticleMove};
 use crate::motion::surfaces::{SpeciesSurfaces, Surfaces};
@@ -31,7 +31,7 @@ const MIN_PER_THREAD: usize = 64;
 struct PartialStep<'a> {
     surfaces: &'a Surfaces,
     /// Receivers at the end of the step of the release.
-    places: &'a [Place],
+    receiver_moves: &'a [ReceiverMove],
     constants: SpeciesStep,
     paths: FreePaths,
     /// Fraction of the time step.
@@ -113,7 +113,8 @@ impl Model {
         }
         let Particle { mut position, mut velocity, species, id, .. } = particle;
         let step = PartialStep::new(self, batch, (species, age), at);
-        if let Some(carrier) = batch.from.carrier.and_then(|carrier| at.places.get(carrier as usize)) {
+        if let Some(carrier) = batch.from.carrier.and_then(|carrier| at.receiver_moves.get(carrier as usize))
+        {
             // The transmitter was elsewhere at the time of release.
             position = std::array::from_fn(|k| position[k] - step.part * carrier.displacement[k]);
         }
@@ -196,11 +197,11 @@ impl Fate {
 
 impl<'a> PartialStep<'a> {
     fn new(model: &Model, batch: &Batch<'_>, (species, age): (u32, f64), at: ReleaseStep<'a>) -> Self {
-        let (surfaces, places) = (&at.events.surfaces, at.places);
+        let (surfaces, receiver_moves) = (&at.events.surfaces, at.receiver_moves);
         let time = StepTime { duration: age, flow_part: model.flow_part([batch.now - age, batch.now]) };
         let part = (age / model.time_step) as f32;
         let constants = SpeciesStep::new(model, species as usize, time, part * surfaces.bodies.diffusion);
-        Self { surfaces, places, constants, paths: FreePaths::new(model, time), part }
+        Self { surfaces, receiver_moves, constants, paths: FreePaths::new(model, time), part }
     }
 
     fn all_surfaces(&self) -> SpeciesSurfaces<'_> {
@@ -225,9 +226,9 @@ impl<'a> PartialStep<'a> {
     ) -> Option<Capture> {
         let before = moved.path.before;
         let near = bodies.filter_map(|body| {
-            let place = self.places[body.place as usize];
-            let displacement = place.displacement.map(|w| self.part * w);
-            let center = std::array::from_fn(|k| place.center[k] - displacement[k]);
+            let receiver_move = self.receiver_moves[body.index as usize];
+            let displacement = receiver_move.displacement.map(|w| self.part * w);
+            let center = std::array::from_fn(|k| receiver_move.center[k] - displacement[k]);
             let radius = body.receiver.radius;
             let height = signed_distance(radius, center, &self.constants.domain, before);
             let slack = rounding(before, 2.0 * radius + height.abs());
@@ -261,11 +262,11 @@ impl<'a> ReleaseStep<'a> {
         };
         let reach = moves().map(reach).fold(0.0, f32::max);
         let is_near = |body: &&ReceiverState| {
-            let place = self.places[body.place as usize];
-            let height = signed_distance(body.receiver.radius, place.center, boundary, center);
+            let receiver_move = self.receiver_moves[body.index as usize];
+            let height = signed_distance(body.receiver.radius, receiver_move.center, boundary, center);
             let slack = rounding(center, 2.0 * body.receiver.radius + height.abs() + reach);
             // One displacement from the end of the step to the release, and one in the path since.
-            height <= reach + 2.0 * length(place.displacement) + slack
+            height <= reach + 2.0 * length(receiver_move.displacement) + slack
         };
         self.events.surfaces.bodies.all.iter().filter(is_near).collect()
     }

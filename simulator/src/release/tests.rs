@@ -18,7 +18,7 @@ fn decay(reactant: u32, product: u32, rate: f64) -> Decay {
 
 fn released_in_a_step(model: &Model) -> impl Iterator<Item = Particle> {
     let events = PartialEvents::new(model);
-    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, places: &[] };
+    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, receiver_moves: &[] };
     let released = model.release(at, RankSlice::WHOLE).expect("a release");
     (0..released.particles.len()).map(move |at| released.particles.get(at))
 }
@@ -83,11 +83,11 @@ fn steady_release_fills_all_sites_of_a_lattice() {
         let (events, mut next_id) = (PartialEvents::new(&model), 0);
         let mut counts = [0; 4];
         for step in 0..=20 {
-            let at = ReleaseStep { events: &events, key: Key::new(3), step, next_id, places: &[] };
+            let at = ReleaseStep { events: &events, key: Key::new(3), step, next_id, receiver_moves: &[] };
             let released = model.release(at, RankSlice::WHOLE).expect("a release");
             next_id = released.next_id;
-            let places = (0..released.particles.len()).map(|at| released.particles.get(at).position[0]);
-            places.for_each(|x| counts[(x + 1.5) as usize] += 1);
+            let positions = (0..released.particles.len()).map(|at| released.particles.get(at).position[0]);
+            positions.for_each(|x| counts[(x + 1.5) as usize] += 1);
         }
         let all = counts.iter().sum::<usize>();
         let spread = if numbers == CountDistribution::Fixed { 0.0 } else { 4.0 * (all as f64 / 4.0).sqrt() };
@@ -111,8 +111,8 @@ fn each_of_two_bursts_in_a_step_begins_at_the_first_site() {
         }],
         ..Model::default()
     };
-    let places: Vec<f32> = released_in_a_step(&model).map(|particle| particle.position[0]).collect();
-    assert_eq!(places, [-1.5, -0.5, 0.5, -1.5, -0.5, 0.5]);
+    let positions: Vec<f32> = released_in_a_step(&model).map(|particle| particle.position[0]).collect();
+    assert_eq!(positions, [-1.5, -0.5, 0.5, -1.5, -0.5, 0.5]);
 }
 
 #[test]
@@ -151,8 +151,8 @@ fn emitted_particles_continue_from_site_to_site() {
         let one = Emission { transmitter: 0, species: 0, count: 1 };
         model.burst(&Batch::of_ids(&transmitter, one, id, &[]), Key::new(3)).unwrap()
     };
-    let place = |id| burst(id).particles.get(0).position[0];
-    assert_eq!([4, 5, 6, 7, 8].map(place), [-1.5, -0.5, 0.5, 1.5, -1.5]);
+    let position = |id| burst(id).particles.get(0).position[0];
+    assert_eq!([4, 5, 6, 7, 8].map(position), [-1.5, -0.5, 0.5, 1.5, -1.5]);
 }
 
 #[test]

@@ -175,7 +175,7 @@ fn read_part(path: &Path, record: PartRecord) -> Result<Part, Error> {
 }
 
 fn within(range: &Range<u64>, before: u64, count: u64) -> Range<usize> {
-    let at = |place: u64| place.saturating_sub(before).min(count) as usize;
+    let at = |index: u64| index.saturating_sub(before).min(count) as usize;
     at(range.start)..at(range.end)
 }
 

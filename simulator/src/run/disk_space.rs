@@ -13,7 +13,7 @@ impl Run {
         if !self.space_check {
             return Ok(());
         }
-        self.check_fits(self.disk_estimate(simulation).times(slot.count - slot.place))
+        self.check_fits(self.disk_estimate(simulation).times(slot.count - slot.index))
     }
 
     pub(super) fn disk_estimate(&self, simulation: &impl RunView) -> DiskEstimate {

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::model::Model;
 use crate::model::particles::{Particle, Particles};
-use crate::motion::receiver_state::Place;
+use crate::motion::receiver_state::ReceiverMove;
 use crate::random::philox::{Key, Purpose};
 use crate::release::origins::Origin;
 use crate::release::{Batch, Emission};
@@ -46,12 +46,12 @@ impl State {
         let mut ids = ids.to_vec();
         ids.sort_unstable();
         let is_named = |id: u32| ids.binary_search(&id).is_ok();
-        let places = (0_u32..).zip(&self.particles.id).filter(|&(_, &id)| is_named(id));
-        let mut places: Vec<u32> = places.map(|(place, _)| place).collect();
-        for &place in &places {
-            self.totals.present[self.particles.species[place as usize] as usize] -= 1;
+        let indices = (0_u32..).zip(&self.particles.id).filter(|&(_, &id)| is_named(id));
+        let mut indices: Vec<u32> = indices.map(|(index, _)| index).collect();
+        for &index in &indices {
+            self.totals.present[self.particles.species[index as usize] as usize] -= 1;
         }
-        self.particles.remove(&mut places);
+        self.particles.remove(&mut indices);
         let before = self.bound.len();
         let (arrived, occupied) = (&mut self.totals.arrived, &mut self.totals.occupied);
         self.bound.retain(|bound| {
@@ -62,7 +62,7 @@ impl State {
             }
             is_kept
         });
-        places.len() + before - self.bound.len()
+        indices.len() + before - self.bound.len()
     }
 
     pub(crate) fn emit(&mut self, model: &Model, key: Key, emission: Emission) -> Result<Range<u32>, Error> {
@@ -74,7 +74,7 @@ impl State {
         known(model, species)?;
         let ids = self.take_ids(count.into())?;
         self.particles.reserve(count.into(), model.has_velocity())?;
-        let batch = Batch::of_ids(from, emission, ids.start, &Place::at_rest(&self.centers));
+        let batch = Batch::of_ids(from, emission, ids.start, &ReceiverMove::at_rest(&self.centers));
         let released = model.burst(&batch, key)?;
         self.next_id = ids.end;
         self.totals.enter(&released);

@@ -66,13 +66,13 @@ fn is_same_text(a: &str, b: &str) -> bool {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReplicaSlot {
-    pub(crate) place: u32,
+    pub(crate) index: u32,
     pub(crate) count: u32,
     pub(crate) at_once: u32,
 }
 
 impl ReplicaSlot {
-    pub(crate) const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
+    pub(crate) const NONE: Self = Self { index: 0, count: 1, at_once: 1 };
 
     fn sharing(self) -> Sharing {
         Sharing { runs: self.at_once, machines: 1 }
@@ -128,7 +128,7 @@ impl Run {
         mut watch: impl FnMut(&AnySimulation) -> ControlFlow<()>,
     ) -> Result<(RunEnd, AnySimulation), Error> {
         self.check_formats()?;
-        if slot.place == 0 {
+        if slot.index == 0 {
             self.scenario.run_warnings().iter().for_each(|message| log::warn!("{message}"));
         }
         let (mut simulation, mut files) =
@@ -176,7 +176,7 @@ impl Run {
             self.save(&simulation, &mut files)?;
         }
         files.convert(simulation.model())?;
-        if slot.place == 0 {
+        if slot.index == 0 {
             let warnings = pace.warnings(simulation.model()).into_iter().chain(simulation.request_warnings());
             warnings.for_each(|message| log::warn!("{message}"));
         }

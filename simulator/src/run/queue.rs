@@ -86,10 +86,10 @@ impl<'a> RunQueue<'a> {
             let run = self.next.fetch_add(1, Ordering::Relaxed);
             let group = self.starts.partition_point(|&start| start <= run) - 1;
             let Some(replicas) = self.groups.get(group) else { return };
-            let place = (run - self.starts[group]) as u32;
-            let slot = ReplicaSlot { place, count: replicas.count.get(), at_once: self.at_once };
-            let ended = replicas.replica(place).run_here(slot, |simulation| {
-                if watch(group, place, simulation).is_break() {
+            let index = (run - self.starts[group]) as u32;
+            let slot = ReplicaSlot { index, count: replicas.count.get(), at_once: self.at_once };
+            let ended = replicas.replica(index).run_here(slot, |simulation| {
+                if watch(group, index, simulation).is_break() {
                     self.stop.store(true, Ordering::Relaxed);
                 }
                 match self.stop.load(Ordering::Relaxed) {
@@ -101,7 +101,7 @@ impl<'a> RunQueue<'a> {
                 self.stop.store(true, Ordering::Relaxed);
             }
             let mut all = self.ended.lock().unwrap_or_else(PoisonError::into_inner);
-            all.insert((group, place), ended.map(|(end, _)| end));
+            all.insert((group, index), ended.map(|(end, _)| end));
         }
     }
 }

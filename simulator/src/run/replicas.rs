@@ -221,10 +221,10 @@ impl Replicas {
         self.check_table_fits_into(&self.run.directory)
     }
 
-    /// `place` is the directory, or one that exists on the same disk.
-    pub(super) fn check_table_fits_into(&self, place: &Path) -> Result<(), Error> {
+    /// `path` is the directory, or one that exists on the same disk.
+    pub(super) fn check_table_fits_into(&self, path: &Path) -> Result<(), Error> {
         let refused = |source| Error::Write { path: self.run.directory.clone(), source };
-        let free = fs4::available_space(place).map_err(refused)?;
+        let free = fs4::available_space(path).map_err(refused)?;
         let bytes = u64::from(self.count.get()) * BYTES_PER_ROW;
         if !self.run.space_check || bytes <= free {
             return Ok(());

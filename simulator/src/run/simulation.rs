@@ -10,7 +10,7 @@ use crate::motion::collisions::halo::{Halo, Undivided};
 use crate::motion::contact::Contacts;
 use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_search::ReceiverSearch;
-use crate::motion::receiver_state::{self, Place};
+use crate::motion::receiver_state::{self, ReceiverMove};
 use crate::motion::request_counts::RequestCounts;
 use crate::motion::surface_diffusion::SurfaceSteps;
 use crate::random::philox::{Key, Purpose, StepKey};
@@ -50,7 +50,7 @@ pub struct Simulation {
 pub(crate) struct Moved {
     events: Vec<Event>,
     leaving: Vec<UnboundParticle>,
-    places: Vec<Place>,
+    receiver_moves: Vec<ReceiverMove>,
 }
 
 impl Simulation {
@@ -185,8 +185,8 @@ impl Simulation {
         let Self { model, state, motion, receiver_search, collisions, contacts, surface_steps, .. } = self;
         surface_steps.advance(&mut state.bound, now);
         let leaving = binding::leaving(model, &state.bound, free, now);
-        let places = receiver_state::move_receivers(model, &state.centers, now.key, state.step);
-        motion.surfaces.bodies.set(&state.centers, &places, free);
+        let receiver_moves = receiver_state::move_receivers(model, &state.centers, now.key, state.step);
+        motion.surfaces.bodies.set(&state.centers, &receiver_moves, free);
         motion.set_flow(model, state.step);
         let mut flights = None;
         if let Some(collisions) = collisions {
@@ -195,9 +195,9 @@ impl Simulation {
         }
         let events = motion.advance(&mut state.particles, receiver_search.as_mut(), flights.as_deref(), now);
         let events = halo.agree(events)?;
-        state.centers = places.iter().map(|place| place.center).collect();
+        state.centers = receiver_moves.iter().map(|receiver_move| receiver_move.center).collect();
         contacts.set_centers(&state.centers);
-        Ok(Moved { events, leaving, places })
+        Ok(Moved { events, leaving, receiver_moves })
     }
 
     pub(crate) fn binding_requests(&self, moved: &Moved) -> Vec<BindingRequest> {
@@ -253,7 +253,7 @@ impl Simulation {
         for leaving in leaving.iter().rev() {
             let held = state.bound[leaving.at()];
             let center = state.centers[held.receiver as usize];
-            let Some(position) = binding::place_of(model, &held, *leaving, center) else { continue };
+            let Some(position) = binding::unbound_position(model, &held, *leaving, center) else { continue };
             let Bound { id, species, receiver, receptor, .. } = state.bound.swap_remove(leaving.at());
             let kind = &model.species[species as usize];
             let velocity = model.own_velocity(species, key.draw(id, 2, state.step, Purpose::Velocity));
@@ -268,22 +268,22 @@ impl Simulation {
     fn transform(&mut self, at: u32, product: Option<u32>, gone: &mut Vec<u32>) {
         let Self { model, key, state, .. } = self;
         let State { particles, totals, step, .. } = state;
-        let place = at as usize;
-        let from = particles.species[place];
+        let index = at as usize;
+        let from = particles.species[index];
         totals.present[from as usize] -= 1;
         let Some(species) = product else { return gone.push(at) };
         totals.present[species as usize] += 1;
         let radius = model.species[species as usize].radius;
-        particles.species[place] = species;
-        particles.radius[place] = radius;
+        particles.species[index] = species;
+        particles.radius[index] = radius;
         if !model.boundary.is_unbounded() {
             let domain = model.boundary.inset(radius);
-            particles.set_position(place, domain.confine(particles.position_of(place)));
+            particles.set_position(index, domain.confine(particles.position_of(index)));
         }
         if model.has_velocity() {
-            let words = || key.draw(particles.id[place], 1, *step, Purpose::Velocity);
-            let velocity = model.converted_velocity(particles.get(place).velocity, [from, species], words);
-            (0..3).for_each(|axis| particles.velocity[axis][place] = velocity[axis]);
+            let words = || key.draw(particles.id[index], 1, *step, Purpose::Velocity);
+            let velocity = model.converted_velocity(particles.get(index).velocity, [from, species], words);
+            (0..3).for_each(|axis| particles.velocity[axis][index] = velocity[axis]);
         }
     }
 
@@ -378,8 +378,8 @@ impl Simulation {
     pub(crate) fn finish(&mut self, moved: &Moved, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
         let State { step, next_id, .. } = self.state;
-        let (events, key, places) = (&self.partial_events, self.key, &moved.places[..]);
-        let at = ReleaseStep { events, key, step, next_id, places };
+        let (events, key, receiver_moves) = (&self.partial_events, self.key, &moved.receiver_moves[..]);
+        let at = ReleaseStep { events, key, step, next_id, receiver_moves };
         let arrivals = self.state.release(&self.model, at, slice)?;
         if self.model.logs_arrivals {
             self.arrivals.extend(arrivals);

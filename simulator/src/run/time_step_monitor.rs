@@ -30,12 +30,12 @@ impl TimeStepMonitor {
             // Particles released near each other react at once, at any time step.
             return;
         }
-        for (place, reaction) in model.reactions.iter().enumerate() {
-            let count = (after.reacted[place] - before.reacted[place]) as f64;
+        for (index, reaction) in model.reactions.iter().enumerate() {
+            let count = (after.reacted[index] - before.reacted[index]) as f64;
             let [a, b] = reaction.reactants.map(|species| before.present[species as usize] as f64);
             let there = if reaction.reactants[0] == reaction.reactants[1] { a / 2.0 } else { a.min(b) };
             let part = count / steps.len().max(1) as f64 / there.max(1.0);
-            let (all, fast, worst) = &mut self.seen[place];
+            let (all, fast, worst) = &mut self.seen[index];
             *all += count;
             if part > FAST && there > 10.0 {
                 *fast += count;

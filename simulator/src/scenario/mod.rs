@@ -84,7 +84,7 @@ fn check_length(bytes: usize) -> Result<(), Error> {
 
 fn located(path: &Path, text: &str, Problem { span, key, message }: Problem) -> Error {
     let start = span.map_or(0, |span| span.start);
-    let (line, found) = place(text, start);
+    let (line, found) = line_and_key(text, start);
     let key = excerpt(key.unwrap_or(found).as_bytes());
     let message = short_message(&message);
     Error::Scenario { path: path.to_owned(), line, key, message }
@@ -156,7 +156,7 @@ fn with_short_quotes(text: &str) -> String {
 }
 
 /// Returns the 1-based line, and the key there or in the nearest earlier line.
-fn place(text: &str, start: usize) -> (usize, String) {
+fn line_and_key(text: &str, start: usize) -> (usize, String) {
     let start = (0..=start.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
     let line = text[..start].bytes().filter(|&byte| byte == b'\n').count();
     let key_of = |line: &str| {

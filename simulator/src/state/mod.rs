@@ -7,7 +7,7 @@ use crate::model::Model;
 use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
 use crate::motion::binding::Bound;
-use crate::motion::receiver_state::Place;
+use crate::motion::receiver_state::ReceiverMove;
 use crate::random::philox::Key;
 use crate::release::origins::{Arrival, Origin, Origins};
 use crate::release::rank_slice::RankSlice;
@@ -72,11 +72,17 @@ impl State {
     pub(crate) fn new_slice(model: &Model, seed: u64, slice: RankSlice) -> Result<Self, Error> {
         model.check()?;
         let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
-        let places = Place::at_rest(&centers);
+        let receiver_moves = ReceiverMove::at_rest(&centers);
         let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
         // No particle was released before step 0, so none arrives.
         let events = PartialEvents::new(model);
-        let at = ReleaseStep { events: &events, key: Key::new(seed), step: 0, next_id: 0, places: &places };
+        let at = ReleaseStep {
+            events: &events,
+            key: Key::new(seed),
+            step: 0,
+            next_id: 0,
+            receiver_moves: &receiver_moves,
+        };
         state.release(model, at, slice)?;
         Ok(state)
     }

@@ -39,13 +39,13 @@ pub(crate) fn burst(shape: Shape, release: &[(u32, u32)]) -> Transmitter {
     Transmitter { name: "burst".into(), shape, release: release.to_vec(), ..Transmitter::default() }
 }
 
-pub(crate) fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32) -> Transmitter {
+pub(crate) fn lattice(center: [f32; 3], times: &[f64], species: u32, sites: u32) -> Transmitter {
     Transmitter {
         name: format!("lattice of {species}"),
         center,
-        shape: Shape::Lattice([8.0; 3], [places; 3]),
+        shape: Shape::Lattice([8.0; 3], [sites; 3]),
         schedule: Schedule::Times(times.to_vec()),
-        release: vec![(species, places.pow(3))],
+        release: vec![(species, sites.pow(3))],
         ..Transmitter::default()
     }
 }

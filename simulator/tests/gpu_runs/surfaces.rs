@@ -109,9 +109,9 @@ fn bodies_go_where_they_go_on_the_cpu() {
 fn crowd_of_receivers(boundary: Boundary, speed: f64) -> Model {
     let kinds = surfaces().receivers.into_iter().map(|receiver| receiver.kind);
     let kinds: Vec<ReceiverKind> = kinds.collect();
-    let place = |k: u32| [k % 5, k / 5 % 5, k / 25].map(|c| 0.8 * c as f32 - 1.6);
+    let center = |k: u32| [k % 5, k / 5 % 5, k / 25].map(|c| 0.8 * c as f32 - 1.6);
     let one = |k: u32| {
-        let [x, y, z] = place(k);
+        let [x, y, z] = center(k);
         let velocity = if k.is_multiple_of(3) { [speed, -speed, 0.5 * speed] } else { [0.0; 3] };
         let sees = vec![true, !k.is_multiple_of(4)];
         let center = [x, y + 0.125 * (k % 3) as f32, z];
@@ -266,9 +266,9 @@ fn steps_that_reach_too_many_surfaces_are_an_error() {
     let Some(own) = device() else { return };
     let mut model = brownian(false);
     model.time_step = 1.0;
-    let place = |k: u32| [k % 5, k / 5 % 5, 0].map(|c| 0.25 * c as f32 - 0.5);
+    let center = |k: u32| [k % 5, k / 5 % 5, 0].map(|c| 0.25 * c as f32 - 0.5);
     model.receivers =
-        (0..25).map(|k| receiver("mirror", place(k), 0.0625, ReceiverKind::Reflecting)).collect();
+        (0..25).map(|k| receiver("mirror", center(k), 0.0625, ReceiverKind::Reflecting)).collect();
     let mut run = gpu(&own, &model, 1);
     let error = run.run(3).expect_err("an error").to_string();
     assert!(error.contains("surfaces within reach of a particle's step"), "{error}");

@@ -110,10 +110,10 @@ pub(crate) fn conjugation() -> Vec<Row> {
     };
     let runs: Vec<[f64; 2]> = (0..8).into_par_iter().map(run).collect();
     let per_time = rate * f64::from(donors) / edge.powi(3) * 4.0 / 3.0 * PI * contact.powi(3);
-    let row = |(place, until): (usize, u32)| {
+    let row = |(index, until): (usize, u32)| {
         let time = f64::from(until) * 0.01;
         let expected = f64::from(recipients) * (-per_time * time).exp();
-        Row::mean(format!("recipients left after {time} s"), expected, runs.iter().map(|run| run[place]))
+        Row::mean(format!("recipients left after {time} s"), expected, runs.iter().map(|run| run[index]))
     };
     times.into_iter().enumerate().map(row).collect()
 }

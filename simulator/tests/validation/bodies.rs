@@ -257,7 +257,7 @@ fn diffusing() -> Row {
     const BURST: u32 = 40;
     const OWN: f64 = 50.0;
     let (time, count) = (0.5, 100);
-    let places =
+    let centers =
         (0..SIDE.pow(3)).map(|k| [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE].map(|c| 150.0 * c as f32));
     let receiver = |center| Receiver { center, diffusion: OWN, ..receiver(R, ReceiverKind::Absorbing) };
     let near = |[x, y, z]: [f32; 3]| Transmitter {
@@ -267,8 +267,8 @@ fn diffusing() -> Row {
     let model = Model {
         time_step: time / f64::from(count),
         species: vec![species("A", 0.0, D)],
-        transmitters: places.clone().map(near).collect(),
-        receivers: places.map(receiver).collect(),
+        transmitters: centers.clone().map(near).collect(),
+        receivers: centers.map(receiver).collect(),
         ..Model::default()
     };
     let simulation = run_for(&model, 7, count);
@@ -286,11 +286,13 @@ pub(crate) fn transmitters() -> Vec<Row> {
         );
         scenario(text)
     };
-    let places = |model: &Model, seed, count| run_for(model, seed, count).positions().collect::<Vec<_>>();
+    let positions = |model: &Model, seed, count| run_for(model, seed, count).positions().collect::<Vec<_>>();
     // Uniform from 0 to 8 µm along the way.
     let steady = "release = [{ species = \"A\", rate = 1000 }]";
-    let line: Vec<f64> =
-        places(&model("velocity = [0, 4, 0]", steady), 1, 8).iter().map(|place| place[1] - 2.0).collect();
+    let line: Vec<f64> = positions(&model("velocity = [0, 4, 0]", steady), 1, 8)
+        .iter()
+        .map(|position| position[1] - 2.0)
+        .collect();
     let n = line.len() as f64;
     let moment = |power: i32| line.iter().map(|y| y.powi(power)).sum::<f64>() / n;
     let mut rows = vec![
@@ -301,7 +303,7 @@ pub(crate) fn transmitters() -> Vec<Row> {
     let late = "times = [4]\nrelease = [{ species = \"A\", count = 1 }]";
     let wandering = model("diffusion = 2", late);
     let square = |seed| {
-        let [x, y, z] = places(&wandering, seed, 20)[0];
+        let [x, y, z] = positions(&wandering, seed, 20)[0];
         (x - 1.0).powi(2) + (y - 2.0).powi(2) + (z - 3.0).powi(2)
     };
     rows.push(Row::mean("square distance of a diffusing transmitter", 48.0, (0..2000).map(square)));

@@ -208,7 +208,7 @@ pub(crate) fn shift_keying() -> Vec<Row> {
             for step in 1..=FEW_SYMBOLS * STEPS {
                 steps(&mut simulation, 1);
                 let one = |arrival: &lazygrid_sim::Arrival| {
-                    let [receiver, species] = [arrival.receiver, arrival.species].map(|place| place as usize);
+                    let [receiver, species] = [arrival.receiver, arrival.species].map(|index| index as usize);
                     Arrived { step, receiver, species, origin: None }
                 };
                 log.arrivals.extend(simulation.arrivals().iter().map(one));

@@ -16,9 +16,9 @@ pub(crate) fn displacement() -> Vec<Row> {
     let simulation = run_for(&model, 1, count);
     let (time, particles) = (simulation.time(), &simulation.state().particles);
     let mut rows = Vec::new();
-    for (place, species) in model.species.iter().enumerate() {
+    for (index, species) in model.species.iter().enumerate() {
         let squares: Vec<f64> = (0..particles.len())
-            .filter(|&at| particles.species[at] as usize == place)
+            .filter(|&at| particles.species[at] as usize == index)
             .map(|at| {
                 let p = particles.position_of(at).map(f64::from);
                 (0..3).map(|k| (p[k] - species.drift[k] * time).powi(2)).sum()

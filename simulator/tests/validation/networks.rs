@@ -137,9 +137,9 @@ pub(crate) fn michaelis_menten() -> Vec<Row> {
     };
     let runs: Vec<[f64; 3]> = (0..8).into_par_iter().map(run).collect();
     let per_pair = inside * 4.0 / 3.0 * PI * radius.powi(3);
-    let row = |(place, time): (usize, f64)| {
+    let row = |(index, time): (usize, f64)| {
         let [_, product] = rate_equations([per_pair, back, onwards], time);
-        Row::mean(format!("product after {time} s"), product, runs.iter().map(|run| run[place]))
+        Row::mean(format!("product after {time} s"), product, runs.iter().map(|run| run[index]))
     };
     times.into_iter().enumerate().map(row).collect()
 }
@@ -177,10 +177,10 @@ pub(crate) fn births() -> Vec<Row> {
     };
     let runs: Vec<Vec<f64>> = (0..2000).into_par_iter().map(run).collect();
     let mut rows = Vec::new();
-    for (place, expected) in [(0, 20.0), (1, 60.0)] {
-        let counts: Vec<f64> = runs.iter().map(|run| run[place]).collect();
+    for (index, expected) in [(0, 20.0), (1, 60.0)] {
+        let counts: Vec<f64> = runs.iter().map(|run| run[index]).collect();
         let (measured, error) = mean(counts.iter().copied());
-        let name = &model.species[place].name;
+        let name = &model.species[index].name;
         rows.push(Row::new(format!("mean of {name}"), expected, measured, 4.0 * error));
         let n = counts.len() as f64;
         let variance = counts.iter().map(|count| (count - measured).powi(2)).sum::<f64>() / (n - 1.0);

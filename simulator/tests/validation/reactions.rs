@@ -76,10 +76,10 @@ pub(crate) fn well_mixed() -> Vec<Row> {
     // The probability that two points of the periodic unit cube are within σ.
     let near = 4.0 / 3.0 * PI * sigma.powi(3);
     let k = near * probability / time_step;
-    let row = |(place, time): (usize, u32)| {
+    let row = |(index, time): (usize, u32)| {
         let expected = 1.0 / (1.0 / f64::from(n) + k * f64::from(time) * time_step);
         let what = format!("n after {time} steps, mean of {seeds} seeds");
-        Row::mean(what, expected, runs.iter().map(|run| run[place]))
+        Row::mean(what, expected, runs.iter().map(|run| run[index]))
     };
     times.into_iter().enumerate().map(row).collect()
 }

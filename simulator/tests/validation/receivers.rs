@@ -196,11 +196,11 @@ impl Neighbors {
 /// arrivals are those of a sphere of the same capacity.
 fn reached_by_two((gap, height): (f64, f64), time: f64) -> f64 {
     let distance = 2.0 + gap;
-    let (mut charge, mut place, mut potential, mut capacity) = (1.0, 0.0, 0.0, 0.0);
+    let (mut charge, mut position, mut potential, mut capacity) = (1.0, 0.0, 0.0, 0.0);
     for _ in 0..400 {
-        potential += 2.0 * charge / height.hypot(distance / 2.0 - place);
+        potential += 2.0 * charge / height.hypot(distance / 2.0 - position);
         capacity += 2.0 * charge;
-        (charge, place) = (-charge / (distance - place), 1.0 / (distance - place));
+        (charge, position) = (-charge / (distance - position), 1.0 / (distance - position));
     }
     potential - (1.0 - potential) * capacity / (std::f64::consts::PI * time).sqrt()
 }

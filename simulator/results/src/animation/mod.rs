@@ -52,7 +52,7 @@ fn page(out: &mut impl Write, model: &Model, title: &str, frames: &Path, series:
     for (at, frame) in open()?.enumerate() {
         let frame = thinned(frame?, shift);
         write!(out, "<script type=\"text/plain\" id=\"frame-{at}\">")?;
-        base64(out, &scene::places(&frame))?;
+        base64(out, &scene::quantized_positions(&frame))?;
         writeln!(out, "</script>")?;
     }
     rest = put(out, rest, "{{script}}", &SCRIPTS.concat())?;

@@ -197,7 +197,7 @@ impl Scene {
     }
 }
 
-pub(crate) fn places(frame: &Frame) -> Vec<u8> {
+pub(crate) fn quantized_positions(frame: &Frame) -> Vec<u8> {
     let (low, size) = extent(frame);
     let part = |k: usize, x: f32| if size[k] > 0.0 { (x - low[k]) / size[k] } else { 0.0 };
     let words = frame

@@ -108,9 +108,9 @@ impl GpuSimulation {
         let Some(burst) = burst else { return Ok(Vec::new()) };
         let mut released = burst.released.clone();
         if self.tables.dissociates() {
-            let places = &self.trajectory.places_at(step);
+            let receiver_moves = &self.trajectory.receiver_moves_at(step);
             let (events, key, next_id) = (&self.partial_events, self.key, self.next_id);
-            let at = ReleaseStep { events, key, step, next_id, places };
+            let at = ReleaseStep { events, key, step, next_id, receiver_moves };
             released = self.model.release(at, self.slice)?;
         }
         self.next_id = released.next_id;

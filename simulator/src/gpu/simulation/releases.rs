@@ -5,7 +5,7 @@ use crate::gpu::device::filled;
 use crate::gpu::dispatches::{Groups, Stage};
 use crate::gpu::kernel as k;
 use crate::model::particles::Particles;
-use crate::motion::receiver_state::{Place, move_receivers};
+use crate::motion::receiver_state::{ReceiverMove, move_receivers};
 use crate::release::ReleaseStep;
 
 impl GpuSimulation {
@@ -13,14 +13,15 @@ impl GpuSimulation {
         let mut next_id = self.next_id;
         let mut bursts = Vec::new();
         let moves = self.model.receivers.iter().any(crate::Receiver::moves);
-        let mut places = Place::at_rest(&self.centers);
+        let mut receiver_moves = ReceiverMove::at_rest(&self.centers);
         for step in self.step + 1..=self.step + steps {
             if moves {
-                let centers: Vec<_> = places.iter().map(|place| place.center).collect();
-                places = move_receivers(&self.model, &centers, self.key, step - 1);
+                let centers: Vec<_> =
+                    receiver_moves.iter().map(|receiver_move| receiver_move.center).collect();
+                receiver_moves = move_receivers(&self.model, &centers, self.key, step - 1);
             }
             let (events, key) = (&self.partial_events, self.key);
-            let at = ReleaseStep { events, key, step, next_id, places: &places };
+            let at = ReleaseStep { events, key, step, next_id, receiver_moves: &receiver_moves };
             let released = self.model.release(at, self.slice)?;
             if released.next_id > next_id {
                 next_id = released.next_id;

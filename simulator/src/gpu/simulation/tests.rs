@@ -23,7 +23,7 @@ fn burst(radius: f32) -> Model {
 
 /// A radius of 10⁻³⁰ µm collides as a point, and shows the candidates without a table of species.
 #[test]
-fn points_at_one_place_are_no_candidates_of_each_other() {
+fn points_at_one_position_are_no_candidates_of_each_other() {
     let Some(own) = device() else { return };
     let capacity = 1 << 13;
     let run = |radius: f32| {

@@ -29,14 +29,14 @@ fn movers(model: &Model, case: u32) -> Vec<[u32; MOVER]> {
     let mover = |k: u32| {
         let words = philox([k, case, 0, 0], [1, 2]);
         let species = usize::from(words[3].is_multiple_of(4));
-        let place = [k % 5, k / 5 % 5, k / 25].map(|c| 1.1 * (c as f32 + 0.5));
+        let site = [k % 5, k / 5 % 5, k / 25].map(|c| 1.1 * (c as f32 + 0.5));
         let jitter = |c: usize| if k.is_multiple_of(9) { 0.3 } else { 0.08 } * (open_unit(words[c]) - 0.5);
         let [u, v, w] = gaussian::normals(philox([k, case, 1, 0], [1, 2])).map(|c| 0.6 * c);
         let mobility = match model.contact {
             Contact::Elastic => 1.0 / model.species[species].mass,
             _ => model.species[species].diffusion * model.time_step,
         };
-        let [x, y, z] = [0, 1, 2].map(|c| place[c] + jitter(c));
+        let [x, y, z] = [0, 1, 2].map(|c| site[c] + jitter(c));
         let values =
             [x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0, u, v, w, [0.5, 0.3][species], u, v, w, mobility as f32];
         let mut words = values.map(f32::to_bits);

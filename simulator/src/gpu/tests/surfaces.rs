@@ -131,9 +131,9 @@ var<private> scene_rows: array<vec4<u32>, 6>;
                 };
                 let bodies: Vec<ReceiverState> = (0..)
                     .zip(receivers.clone().into_iter().zip(ways))
-                    .map(|(place, (receiver, way))| ReceiverState {
+                    .map(|(index, (receiver, way))| ReceiverState {
                         displacement: way,
-                        ..ReceiverState::new(place, receiver, 1.0)
+                        ..ReceiverState::new(index, receiver, 1.0)
                     })
                     .collect();
                 let is_outside = |body: &&ReceiverState| {
@@ -172,17 +172,17 @@ fn crowd(count: u32) -> Crowd {
     for at in 0..count {
         let [rank, which, ..] = philox([at, 9, 0, 0], [3, 0]);
         let receiver = which % 3;
-        let place = receiver as usize;
-        let is_held = holding[place] < RECEPTORS[place][1];
-        holding[place] += u32::from(is_held);
+        let index = receiver as usize;
+        let is_held = holding[index] < RECEPTORS[index][1];
+        holding[index] += u32::from(is_held);
         let held = [0.0, 0.0, 1.0, -2.0 - receiver as f32];
         crowd.spheres.push(if is_held { held } else { [0.5, 0.5, 0.5, 0.25] });
         let rank = rank % 7 * 0x1234_5678;
-        let bid = [rank, crowd.coming[place], 2, receiver, at, 2, 3, 0];
+        let bid = [rank, crowd.coming[index], 2, receiver, at, 2, 3, 0];
         let comes = !is_held && at % 4 != 0;
         crowd.claims.push(if comes { bid } else { [0; 8] });
         if comes {
-            crowd.coming[place] += 1;
+            crowd.coming[index] += 1;
             crowd.events.push(Event::Bound { at, receiver, receptor: receiver, direction: [0.0; 3], rank });
         }
     }

@@ -7,10 +7,10 @@ use crate::{
     Adsorption, Boundary, Flow, Model, Receiver, ReceiverKind, Shape, Simulation, Species, Transmitter,
 };
 
-const PLACE: [[f64; 3]; 2] = [[-1.0, 2.0, 0.5], [0.5, 2.0, 1.0]];
+const ORIGIN_AND_SPACING: [[f64; 3]; 2] = [[-1.0, 2.0, 0.5], [0.5, 2.0, 1.0]];
 
 fn linear(points: [usize; 3], velocity: impl Fn([f64; 3]) -> [f64; 3]) -> FlowField {
-    let [origin, spacing] = PLACE;
+    let [origin, spacing] = ORIGIN_AND_SPACING;
     let mut velocities = Vec::new();
     for i in 0..points[0] {
         for j in 0..points[1] {
@@ -21,7 +21,7 @@ fn linear(points: [usize; 3], velocity: impl Fn([f64; 3]) -> [f64; 3]) -> FlowFi
             }
         }
     }
-    FlowField::new(PLACE, points, velocities).unwrap()
+    FlowField::new(ORIGIN_AND_SPACING, points, velocities).unwrap()
 }
 
 #[test]
@@ -49,19 +49,23 @@ fn velocity_outside_is_that_of_the_nearest_point() {
 
 #[test]
 fn faulty_fields_are_refused() {
-    let refused = |place, points, velocities: &[f32]| {
-        FlowField::new(place, points, velocities.to_vec()).unwrap_err().to_string()
+    let refused = |origin_and_spacing, points, velocities: &[f32]| {
+        FlowField::new(origin_and_spacing, points, velocities.to_vec()).unwrap_err().to_string()
     };
-    assert!(refused(PLACE, [1, 1, 2], &[0.0; 5]).contains("5 numbers"));
-    assert!(refused(PLACE, [1, 0, 1], &[]).contains("0 numbers"));
+    assert!(refused(ORIGIN_AND_SPACING, [1, 1, 2], &[0.0; 5]).contains("5 numbers"));
+    assert!(refused(ORIGIN_AND_SPACING, [1, 0, 1], &[]).contains("0 numbers"));
     assert!(refused([[0.0; 3], [1.0, 0.0, 1.0]], [1; 3], &[0.0; 3]).contains("spacing"));
-    assert!(refused(PLACE, [1, 1, 2], &[0.0, 0.0, 0.0, f32::NAN, 0.0, 0.0]).contains("NaN at point 1"));
+    assert!(
+        refused(ORIGIN_AND_SPACING, [1, 1, 2], &[0.0, 0.0, 0.0, f32::NAN, 0.0, 0.0])
+            .contains("NaN at point 1")
+    );
 }
 
 #[test]
 fn checksums_differ_by_velocity_and_shape() {
-    let sum =
-        |points, velocities: &[f32]| FlowField::new(PLACE, points, velocities.to_vec()).unwrap().checksum();
+    let sum = |points, velocities: &[f32]| {
+        FlowField::new(ORIGIN_AND_SPACING, points, velocities.to_vec()).unwrap().checksum()
+    };
     let zero = sum([1, 1, 2], &[0.0; 6]);
     assert_eq!(zero, sum([1, 1, 2], &[0.0; 6]));
     assert!(zero != sum([1, 2, 1], &[0.0; 6]) && zero != sum([1, 1, 2], &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]));

@@ -201,18 +201,20 @@ mod tests {
             let mut centers: Vec<_> = model.receivers.iter().map(|one| one.center).collect();
             let mut moves = vec![0; centers.len()];
             for step in 0..400 {
-                let places = move_receivers(&model, &centers, Key::new(7), step);
-                for (k, place) in places.into_iter().enumerate() {
+                let receiver_moves = move_receivers(&model, &centers, Key::new(7), step);
+                for (k, receiver_move) in receiver_moves.into_iter().enumerate() {
                     let (one, before) = (&model.receivers[k], &mut centers[k]);
                     let gap = f64::from(one.radius) + model.least_gap(one, &model.species[0]);
-                    for (a, b) in heights(&model, *before).into_iter().zip(heights(&model, place.center)) {
+                    for (a, b) in
+                        heights(&model, *before).into_iter().zip(heights(&model, receiver_move.center))
+                    {
                         // The far side of a periodic box is on both sides of the plane.
                         let is_beside = a * b > 0.0 || matches!(domain.axes[0], Axis::Periodic { .. });
                         let is_away = f64::from(b.abs()) >= gap - 1e-5;
                         assert!(is_beside && is_away, "{domain:?} {time_step} {a} {b} {gap}");
                     }
-                    moves[k] += u32::from(*before != place.center);
-                    *before = place.center;
+                    moves[k] += u32::from(*before != receiver_move.center);
+                    *before = receiver_move.center;
                 }
             }
             assert!(moves.iter().all(|&moves| moves > 100), "{moves:?}");

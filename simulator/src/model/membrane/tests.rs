@@ -17,7 +17,7 @@ fn step<'a>(membranes: &'a [Membrane], domain: &'a Boundary, spread: f32) -> Mem
 fn ends(membranes: &[Membrane], domain: &Boundary, before: f32, spread: f32, id: u32) -> HeldEnd {
     let step = step(membranes, domain, spread);
     let end = before + spread * normals(KEY.draw(id, 0, 0, Purpose::Move))[0];
-    let words = |place, part| KEY.draw_part([id, place], part, 0, Purpose::Membrane);
+    let words = |index, part| KEY.draw_part([id, index], part, 0, Purpose::Membrane);
     step.ends([[before, 0.0, 0.0], [end, 0.0, 0.0]], words)[0].expect("a membrane")
 }
 
@@ -98,7 +98,7 @@ fn narrow_gaps_keep_a_uniform_density() {
             for (id, x) in (0..).zip(&mut all) {
                 let step = step(own, &domain, 0.5);
                 let end = *x + 0.5 * normals(KEY.draw(id, 0, now, Purpose::Move))[0];
-                let words = |place, part| KEY.draw_part([id, place], part, now, Purpose::Membrane);
+                let words = |index, part| KEY.draw_part([id, index], part, now, Purpose::Membrane);
                 *x = step.end(0, [*x, end], words).confined;
             }
         }

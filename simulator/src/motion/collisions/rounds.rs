@@ -177,8 +177,8 @@ impl Window<'_> {
         stale.iter().zip(repeated).for_each(|(&at, event)| agenda.set(at, event, self.horizon));
         for event in events {
             for &at in event.particles() {
-                let place = at as usize;
-                if agenda.news[place] != News::Partner && event.compare(&agenda.next[place]).is_lt() {
+                let index = at as usize;
+                if agenda.news[index] != News::Partner && event.compare(&agenda.next[index]).is_lt() {
                     agenda.set(at, event, self.horizon);
                 }
             }
@@ -295,9 +295,9 @@ impl Adjacency {
         let mut next = self.begins.clone();
         for &[a, b] in pairs {
             for [at, other] in [[a, b], [b, a]] {
-                let place = &mut next[at as usize];
-                self.neighbors[*place as usize] = other;
-                *place += 1;
+                let next_index = &mut next[at as usize];
+                self.neighbors[*next_index as usize] = other;
+                *next_index += 1;
             }
         }
     }
@@ -306,8 +306,8 @@ impl Adjacency {
     pub(crate) fn sort_by_id(&mut self, movers: &[Mover]) {
         // Movers are large: reading them in this order would miss caches.
         let ids: Vec<u32> = movers.iter().map(|mover| mover.id).collect();
-        for places in self.begins.windows(2) {
-            let neighbors = &mut self.neighbors[places[0] as usize..places[1] as usize];
+        for begins in self.begins.windows(2) {
+            let neighbors = &mut self.neighbors[begins[0] as usize..begins[1] as usize];
             neighbors.sort_unstable_by_key(|&at| ids[at as usize]);
         }
     }

@@ -48,10 +48,10 @@ pub(crate) fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
         let words = philox([k, case, 0, 0], [1, 2]);
         let motion = normals(philox([k, case, 1, 0], [1, 2])).map(|c| speed * f64::from(c));
         let species = u32::from(words[3].is_multiple_of(4));
-        let place = [k % edge, k / edge % edge, k / edge / edge];
+        let site = [k % edge, k / edge % edge, k / edge / edge];
         let shift = |c: usize| 0.08 * (f64::from(open_unit(words[c])) - 0.5);
         Mover {
-            position: std::array::from_fn(|c| 1.1 * (f64::from(place[c]) + 0.5) + shift(c)),
+            position: std::array::from_fn(|c| 1.1 * (f64::from(site[c]) + 0.5) + shift(c)),
             time: 0.0,
             motion,
             speed: length(motion),
@@ -136,10 +136,10 @@ fn speed_or_number_beyond_the_limit_ends_a_window() {
 #[test]
 fn overlapping_reactants_pass_through_each_other() {
     let mut model = model(Contact::Elastic, Axis::Open);
-    let place = |k: u32| [0.4 * f64::from(k), 0.0, 0.0];
+    let position = |k: u32| [0.4 * f64::from(k), 0.0, 0.0];
     let motion = |k: u32| [0.1 - 0.2 * f64::from(k), 0.0, 0.0];
     let first = Mover { species: 0, radius: 0.5, ..movers(0, 2, 1.0)[0] };
-    let mover = |k: u32| Mover { position: place(k), motion: motion(k), id: k, ..first };
+    let mover = |k: u32| Mover { position: position(k), motion: motion(k), id: k, ..first };
     let mut both = [0, 1].map(mover);
     for reactions in
         [vec![Reaction { reactants: [0, 0], binding_radius: 0.2, ..Reaction::default() }], vec![]]
@@ -179,7 +179,7 @@ fn movers_with_bursts() -> Vec<Mover> {
 }
 
 #[test]
-fn points_and_reactants_at_one_place_are_no_candidates() {
+fn points_and_reactants_at_one_position_are_no_candidates() {
     const ALLOWANCE: f64 = 0.05;
     let mut collisions =
         Collisions::new(&with_points(Contact::Separate)).expect("a detector").expect("collisions");

@@ -19,7 +19,7 @@ pub(super) struct Bodies {
 #[derive(Debug)]
 struct Body {
     /// Index in the model.
-    place: usize,
+    index: usize,
     center: [f32; 3],
     radius: f32,
     sees: Vec<bool>,
@@ -40,8 +40,8 @@ const CHUNK: usize = 1 << 16;
 impl Bodies {
     pub(super) fn new(model: &Model) -> Self {
         let reflecting = model.receivers.iter().enumerate().filter(|(_, receiver)| receiver.reflects_some());
-        let body = |(place, receiver): (usize, &Receiver)| Body {
-            place,
+        let body = |(index, receiver): (usize, &Receiver)| Body {
+            index,
             center: receiver.center,
             radius: receiver.radius,
             sees: receiver.sees.clone(),
@@ -50,7 +50,7 @@ impl Bodies {
     }
 
     pub(super) fn set_centers(&mut self, centers: &[[f32; 3]]) {
-        self.all.iter_mut().for_each(|body| body.center = centers[body.place]);
+        self.all.iter_mut().for_each(|body| body.center = centers[body.index]);
     }
 
     /// Removes the shifts from outside into a body that sees the species.

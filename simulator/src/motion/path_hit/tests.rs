@@ -39,15 +39,15 @@ fn diffusion_follows_the_bridge() {
 
 #[test]
 fn receivers_and_segments_share_no_draws() {
-    let one = |place, part, id| {
-        DrawContext { id, ..DRAWS }.hits_sphere([place, part], 1.0, [0.7, 1.0], 1.0).is_some()
+    let one = |index, part, id| {
+        DrawContext { id, ..DRAWS }.hits_sphere([index, part], 1.0, [0.7, 1.0], 1.0).is_some()
     };
-    let draws = |place, part| (0..256).map(|id| one(place, part, id)).collect::<Vec<bool>>();
-    let places = [0, 1, 1 << 15, 1 << 16, (1 << 16) + 1, 1 << 24, u32::MAX];
+    let draws = |index, part| (0..256).map(|id| one(index, part, id)).collect::<Vec<bool>>();
+    let indices = [0, 1, 1 << 15, 1 << 16, (1 << 16) + 1, 1 << 24, u32::MAX];
     let parts = [0, 1, 2, 255, 256, 2 * LAST - 2];
     let all: std::collections::BTreeSet<_> =
-        places.iter().flat_map(|&place| parts.map(|part| draws(place, part))).collect();
-    assert_eq!(all.len(), places.len() * parts.len());
+        indices.iter().flat_map(|&index| parts.map(|part| draws(index, part))).collect();
+    assert_eq!(all.len(), indices.len() * parts.len());
 }
 
 #[test]

@@ -13,7 +13,7 @@ use crate::{Simulation, Transmitter};
 
 const MANY: u32 = 60;
 
-fn place(k: u32) -> [f32; 3] {
+fn random_point(k: u32) -> [f32; 3] {
     let [x, y, z, _] = philox([k, 1, 0, 0], [8, 8]).map(|word| 6.0 * open_unit(word) - 3.0);
     [x, y, z]
 }
@@ -31,7 +31,7 @@ fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
     ];
     let receiver = |k: u32| Receiver {
         name: "rx".into(),
-        center: place(k),
+        center: random_point(k),
         radius: sizes[k as usize % 3],
         kind: kinds[k as usize / 3 % 7].clone(),
         sees: vec![true, !k.is_multiple_of(4)],
@@ -70,7 +70,7 @@ fn run(
     let mut searched = 0;
     let mut particles = Particles::default();
     for id in 0..1500 {
-        let position = model.center_domains()[0].confine(place(id + 1000));
+        let position = model.center_domains()[0].confine(random_point(id + 1000));
         let particle = Particle { id, position, radius: 0.01, species: id % 2, velocity: [1.0, 0.0, 0.5] };
         particles.push(particle, true);
     }
@@ -80,14 +80,14 @@ fn run(
         searched += usize::from(
             receiver_search.as_ref().is_some_and(|receiver_search| receiver_search.cost.rest == 0),
         );
-        let places = move_receivers(model, &centers, Key::new(3), step);
-        motion.surfaces.bodies.set(&centers, &places, &vec![5; centers.len()]);
+        let receiver_moves = move_receivers(model, &centers, Key::new(3), step);
+        motion.surfaces.bodies.set(&centers, &receiver_moves, &vec![5; centers.len()]);
         let events = motion
             .advance(&mut particles, receiver_search.as_mut(), None, StepKey { key: Key::new(3), step })
             .unwrap();
         let mut gone: Vec<u32> = events.iter().map(crate::motion::propagate::Event::at).collect();
         particles.remove(&mut gone);
-        centers = places.iter().map(|place| place.center).collect();
+        centers = receiver_moves.iter().map(|receiver_move| receiver_move.center).collect();
         all.extend(events);
     }
     ((all, particles), searched)

@@ -22,7 +22,7 @@ fn swimmers(boundary: Boundary, center: [f32; 3]) -> Model {
 
 fn released(model: &Model) -> Vec<Particle> {
     let events = PartialEvents::new(model);
-    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, places: &[] };
+    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, receiver_moves: &[] };
     let particles = model.release(at, RankSlice::WHOLE).expect("a release").particles;
     (0..particles.len()).map(|at| particles.get(at)).collect()
 }
@@ -56,7 +56,7 @@ fn a_vessel_reflects_velocities_since_the_release() {
     assert!(back.abs_diff(particles.len() / 2) <= 2, "{back} of {}", particles.len());
 }
 
-fn crowd() -> (Model, Vec<Place>) {
+fn crowd() -> (Model, Vec<ReceiverMove>) {
     let kinds = [
         ReceiverKind::Absorbing,
         ReceiverKind::Reflecting,
@@ -83,17 +83,23 @@ fn crowd() -> (Model, Vec<Place>) {
     };
     let moved = |(k, receiver): (u32, &Receiver)| {
         let [x, y, z, _] = words(1000 + k);
-        Place { center: receiver.center, displacement: [x, y, z].map(|u| 0.4 * u - 0.2) }
+        ReceiverMove { center: receiver.center, displacement: [x, y, z].map(|u| 0.4 * u - 0.2) }
     };
-    let places = (0..).zip(&model.receivers).map(moved).collect();
-    (model, places)
+    let receiver_moves = (0..).zip(&model.receivers).map(moved).collect();
+    (model, receiver_moves)
 }
 
 #[test]
 fn receivers_out_of_reach_change_nothing() {
-    let (model, places) = crowd();
+    let (model, receiver_moves) = crowd();
     let events = PartialEvents::new(&model);
-    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, places: &places };
+    let at = ReleaseStep {
+        events: &events,
+        key: Key::new(3),
+        step: 1,
+        next_id: 0,
+        receiver_moves: &receiver_moves,
+    };
     let all: Vec<_> = events.surfaces.bodies.all.iter().collect();
     let batch = model.all_batches(1, at.key).next().expect("a batch");
     let born: Vec<_> = (0..batch.count)
@@ -121,9 +127,15 @@ fn receivers_out_of_reach_change_nothing() {
 
 #[test]
 fn neither_threads_nor_ranks_change_a_release() {
-    let (model, places) = crowd();
+    let (model, receiver_moves) = crowd();
     let events = PartialEvents::new(&model);
-    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, places: &places };
+    let at = ReleaseStep {
+        events: &events,
+        key: Key::new(3),
+        step: 1,
+        next_id: 0,
+        receiver_moves: &receiver_moves,
+    };
     let whole = model.release(at, RankSlice::WHOLE).expect("a release");
     assert!(whole.particles.len() > 5000 && whole.arrivals.len() > 100);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(7).build().expect("a pool");
@@ -152,7 +164,7 @@ fn flow_pulse_carries_particles_of_the_least_ages() {
     };
     let (events, mut least) = (PartialEvents::new(&model), f64::INFINITY);
     for step in 1..100 {
-        let at = ReleaseStep { events: &events, key: Key::new(3), step, next_id: 0, places: &[] };
+        let at = ReleaseStep { events: &events, key: Key::new(3), step, next_id: 0, receiver_moves: &[] };
         for batch in model.all_batches(step, at.key) {
             let ages = (0..batch.count).map(|nth| batch.age(nth, 0)).filter(|&age| age > 0.0);
             least = ages.fold(least, f64::min);

@@ -86,9 +86,9 @@ fn small_spheres_on_a_line_collide_in_few_searches() {
     let mut simulation = Simulation::new(model, 1, Algorithm::Auto).expect("a model");
     let order = |simulation: &Simulation| {
         let particles = &simulation.state().particles;
-        let mut places: Vec<_> = (0..9).map(|at| (particles.position[0][at], particles.id[at])).collect();
-        places.sort_by(|a, b| a.0.total_cmp(&b.0));
-        places.into_iter().map(|(_, id)| id).collect::<Vec<_>>()
+        let mut rows: Vec<_> = (0..9).map(|at| (particles.position[0][at], particles.id[at])).collect();
+        rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+        rows.into_iter().map(|(_, id)| id).collect::<Vec<_>>()
     };
     let before = order(&simulation);
     simulation.step().expect("a step");

@@ -8,13 +8,13 @@ use crate::scenario::{Problem, warnings};
 
 /// Returns the places in the file of the receivers of its model: of receivers, and of transmitters with a body.
 pub(super) fn receiver_spans(file: &File, has_body: impl Iterator<Item = bool>) -> Vec<Range<usize>> {
-    let places = |one: &lazygrid_scenario::Receiver| {
-        let places = one.lattice.map_or([1; 3], |lattice| lattice.places.map(u32::from));
-        places.into_iter().map(|count| count as usize).product()
+    let site_count = |one: &lazygrid_scenario::Receiver| {
+        let sites = one.lattice.map_or([1; 3], |lattice| lattice.places.map(u32::from));
+        sites.into_iter().map(|count| count as usize).product()
     };
     let receivers = file.receivers.iter();
     let mut spans: Vec<_> =
-        receivers.flat_map(|one| std::iter::repeat_n(one.name.span(), places(one))).collect();
+        receivers.flat_map(|one| std::iter::repeat_n(one.name.span(), site_count(one))).collect();
     let bodies = file.transmitters.iter().zip(has_body).filter(|(_, has_body)| *has_body);
     spans.extend(bodies.map(|(transmitter, _)| Spanned::span(&transmitter.name)));
     spans

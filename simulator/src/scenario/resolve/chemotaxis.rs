@@ -30,9 +30,9 @@ pub(super) fn resolve(
     if let Some((k, message)) = model.faulty_attractant() {
         return Err(Problem::at(attractants[k].name.span(), message));
     }
-    for (place, one) in species.iter().enumerate() {
+    for (index, one) in species.iter().enumerate() {
         let Some(taxis) = &one.chemotaxis else {
-            let message = warnings::frequent_tumbles(model, place);
+            let message = warnings::frequent_tumbles(model, index);
             let span = one.tumble_rate.as_ref().map(toml::Spanned::span).unwrap_or_default();
             warnings.extend(message.map(|message| Problem::at(span, message)));
             continue;
@@ -46,12 +46,12 @@ pub(super) fn resolve(
         };
         let half_saturation = taxis.half_saturation.map(|k| k.0);
         let sensitivity = taxis.sensitivity.0;
-        model.species[place].chemotaxis =
+        model.species[index].chemotaxis =
             Some(Chemotaxis { attractant: found as u32, sensitivity, half_saturation });
-        if let Some(message) = model.faulty_chemotaxis(place) {
+        if let Some(message) = model.faulty_chemotaxis(index) {
             return Err(Problem::at(span, message));
         }
-        let message = warnings::frequent_tumbles(model, place);
+        let message = warnings::frequent_tumbles(model, index);
         warnings.extend(message.map(|message| Problem::at(span, message)));
     }
     Ok(())

@@ -33,8 +33,8 @@ pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>
     check_memory([nx, ny, nz]).map_err(|error| fault(error.to_string()))?;
     let velocities = array.read().map_err(|error| fault(error.to_string()))?;
     let origin = flow.origin.as_ref().map_or([0.0; 3], |origin| origin.get_ref().map(|Finite(x)| x));
-    let place = [origin, spacing.get_ref().map(|Positive(h)| h)];
-    let field = FlowField::new(place, [nx, ny, nz].map(|n| n as usize), velocities);
+    let origin_and_spacing = [origin, spacing.get_ref().map(|Positive(h)| h)];
+    let field = FlowField::new(origin_and_spacing, [nx, ny, nz].map(|n| n as usize), velocities);
     field.map(Arc::new).map_err(|error| fault(error.to_string()))
 }
 

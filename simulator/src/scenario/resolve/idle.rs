@@ -20,11 +20,11 @@ pub(super) fn keys(
         );
         Some(Problem::at(one.mass.as_ref()?.span(), message))
     });
-    let is_followed = |place: usize| {
+    let is_followed = |index: usize| {
         let own = model.species.iter().filter_map(|species| species.chemotaxis);
-        own.map(|taxis| taxis.attractant as usize).any(|attractant| attractant == place)
+        own.map(|taxis| taxis.attractant as usize).any(|attractant| attractant == index)
     };
-    let idle = attractants.iter().enumerate().filter(|&(place, _)| !is_followed(place));
+    let idle = attractants.iter().enumerate().filter(|&(index, _)| !is_followed(index));
     let attractants = idle.map(|(_, one)| {
         let name = &one.name.get_ref().0;
         let message = format!(

@@ -122,17 +122,17 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         ];
         warnings.extend(messages.into_iter().flatten().map(|message| Problem::at(from.name.span(), message)));
     }
-    for (place, from) in file.species.iter().enumerate() {
+    for (index, from) in file.species.iter().enumerate() {
         let messages = [
-            warnings::drift_at_curved_wall(&model, place),
-            warnings::drift_at_plane_wall(&model, place),
-            warnings::drift_without_diffusion(&model, place),
-            warnings::rounded_steps(&model, place),
-            warnings::long_step_across_flow(&model, place),
-            warnings::long_step_to_absorber(&model, place),
-            warnings::long_step_across_gap(&model, place),
-            warnings::long_step_between_walls(&model, place),
-            warnings::rounded_tumbles(&model, place),
+            warnings::drift_at_curved_wall(&model, index),
+            warnings::drift_at_plane_wall(&model, index),
+            warnings::drift_without_diffusion(&model, index),
+            warnings::rounded_steps(&model, index),
+            warnings::long_step_across_flow(&model, index),
+            warnings::long_step_to_absorber(&model, index),
+            warnings::long_step_across_gap(&model, index),
+            warnings::long_step_between_walls(&model, index),
+            warnings::rounded_tumbles(&model, index),
         ];
         let messages = messages.into_iter().flatten();
         warnings.extend(messages.map(|message| Problem::at(from.name.span(), message)));
@@ -218,7 +218,7 @@ fn membrane(one: &file::Membrane, names: &Names<'_>) -> Result<Membrane, Problem
 
 struct Names<'a> {
     species: &'a [Species],
-    places: HashMap<&'a str, u32>,
+    indices: HashMap<&'a str, u32>,
 }
 
 /// Columns of every series.
@@ -226,8 +226,8 @@ const COLUMNS: [&str; 4] = ["step", "time", "pairs", "contacts"];
 
 impl<'a> Names<'a> {
     fn new(species: &'a [Species], file: &[file::Species]) -> Result<Self, Problem> {
-        let mut places = HashMap::with_capacity(species.len());
-        for ((place, one), from) in (0..).zip(species).zip(file) {
+        let mut indices = HashMap::with_capacity(species.len());
+        for ((index, one), from) in (0..).zip(species).zip(file) {
             if COLUMNS.contains(&one.name.as_str()) {
                 let message = format!("'{}' is another column of the series; rename the species", one.name);
                 return Err(Problem::at(from.name.span(), message));
@@ -236,16 +236,16 @@ impl<'a> Names<'a> {
                 let message = "'0' stands for no product in equations; rename the species".to_owned();
                 return Err(Problem::at(from.name.span(), message));
             }
-            if places.insert(one.name.as_str(), place).is_some() {
+            if indices.insert(one.name.as_str(), index).is_some() {
                 let message = format!("there are two species '{}'; rename one", one.name);
                 return Err(Problem::at(from.name.span(), message));
             }
         }
-        Ok(Self { species, places })
+        Ok(Self { species, indices })
     }
 
     fn find(&self, name: &str, span: Range<usize>) -> Result<u32, Problem> {
-        self.places.get(name).copied().ok_or_else(|| {
+        self.indices.get(name).copied().ok_or_else(|| {
             let known = self.species.iter().take(60).map(|species| species.name.as_str());
             let known = known.collect::<Vec<_>>().join(", ");
             let (name, known) = (excerpt(name.as_bytes()), excerpt(known.as_bytes()));

@@ -16,17 +16,17 @@ pub(super) struct NetworkIndex {
 impl NetworkIndex {
     pub(super) fn new<'a>(reactions: impl Iterator<Item = &'a Reaction>, decays: &[Decay]) -> Self {
         let mut index = Self::default();
-        for (place, reaction) in reactions.enumerate() {
+        for (position, reaction) in reactions.enumerate() {
             let pair = sorted(reaction.reactants);
-            index.channels.entry(pair).or_default().push(place);
+            index.channels.entry(pair).or_default().push(position);
             if let Some(products) = both(reaction.products) {
-                index.reactions.entry([pair, products]).or_insert(place);
+                index.reactions.entry([pair, products]).or_insert(position);
             }
         }
-        for (place, decay) in decays.iter().enumerate() {
+        for (position, decay) in decays.iter().enumerate() {
             *index.decay_rates.entry(decay.reactant).or_default() += decay.rate;
             if let Some(products) = both(decay.products) {
-                index.dissociations.entry((decay.reactant, products)).or_insert(place);
+                index.dissociations.entry((decay.reactant, products)).or_insert(position);
             }
         }
         index

@@ -78,7 +78,7 @@ impl<'a> Draft<'a> {
                 format!("'{name}' must have two reactants; one alone is a [[decay]], none a [[source]]");
             return Err(Problem::at(span, message));
         };
-        let Some(products) = places([a, b], &right) else {
+        let Some(products) = assigned_products([a, b], &right) else {
             return Err(Problem::at(
                 span,
                 format!("'{name}' has {} products; two are the most", right.len()),
@@ -107,7 +107,7 @@ impl<'a> Draft<'a> {
 
 impl Network<'_> {
     fn channels(&self, draft: &Draft<'_>) -> impl Iterator<Item = &Draft<'_>> {
-        self.index.channels(draft.bare.reactants).iter().map(|&place| &self.drafts[place])
+        self.index.channels(draft.bare.reactants).iter().map(|&index| &self.drafts[index])
     }
 
     /// Refuses too many reactions of a pair: their probabilities take quadratic time and memory.
@@ -204,8 +204,8 @@ impl Network<'_> {
     }
 
     fn reverse(&self, reaction: &Reaction) -> Option<Reverse<'_>> {
-        let by_decay = self.index.reverse_decay(reaction).map(|place| {
-            let decay = &self.decays[place];
+        let by_decay = self.index.reverse_decay(reaction).map(|index| {
+            let decay = &self.decays[index];
             let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
             // With the rate R of all decays, the fraction k(1 − exp(−RΔt))/R dissociates in a step, not kΔt.
             // Association must be lower by the same factor.
@@ -224,7 +224,7 @@ impl Network<'_> {
             is_reverse(other, &draft.bare) && matches!(other.chance, ReactionRate::PerStep(_))
         };
         let [Some(a), Some(b)] = draft.bare.products else { return Ok(()) };
-        let mut back = self.index.channels([a, b]).iter().map(|&place| &resolved[place]);
+        let mut back = self.index.channels([a, b]).iter().map(|&index| &resolved[index]);
         match back.find(meets).filter(|_| draft.file.unbinding_radius.is_none()) {
             None => Ok(()),
             Some(back) => Err(Problem::at(draft.file.equation.span(), at_once(&draft.bare.name, &back.name))),
@@ -241,7 +241,7 @@ impl Network<'_> {
         let ([Some(a), Some(b)], None) = (decay.products, &from.unbinding_radius) else {
             return Ok(decay.unbinding);
         };
-        let mut reactions = self.index.channels([a, b]).iter().map(|&place| &resolved[place]);
+        let mut reactions = self.index.channels([a, b]).iter().map(|&index| &resolved[index]);
         let undone = reactions.find(|reaction| undoes(decay, reaction));
         match undone.map(|reaction| (reaction, reaction.chance)) {
             None => Ok(decay.unbinding),
@@ -303,7 +303,7 @@ fn is_reverse(a: &Reaction, b: &Reaction) -> bool {
 }
 
 /// Returns the product of each reactant, of its own species if possible; `None` for more than two products.
-fn places(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
+fn assigned_products(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
     let mut placed = [None; 2];
     let mut others = Vec::new();
     for &product in products {

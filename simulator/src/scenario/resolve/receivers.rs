@@ -5,7 +5,7 @@ use toml::Spanned;
 
 use super::Names;
 use super::schedule::{single_radius, to_f32};
-use super::transmitters::check_place;
+use super::transmitters::check_position;
 use crate::memory::check_available;
 use crate::model::Model;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
@@ -22,7 +22,7 @@ pub(super) fn receivers(
     check_memory(many, names.species.len())?;
     let (mut all, mut known) = (Vec::new(), HashSet::new());
     for one in many {
-        for receiver in at_places(one, names, model, warnings)? {
+        for receiver in at_sites(one, names, model, warnings)? {
             if !known.insert(receiver.name.clone()) {
                 let message = format!("there are two receivers '{}'; rename one", receiver.name);
                 return Err(Problem::at(one.name.span(), message));
@@ -33,7 +33,7 @@ pub(super) fn receivers(
     Ok(all)
 }
 
-fn at_places(
+fn at_sites(
     one: &file::Receiver,
     names: &Names<'_>,
     model: &Model,
@@ -44,23 +44,23 @@ fn at_places(
         return Ok(vec![receiver]);
     };
     let Some(lattice) = one.lattice else {
-        check_place(&model.boundary, center.clone(), receiver.center, receiver.radius, warnings)?;
+        check_position(&model.boundary, center.clone(), receiver.center, receiver.radius, warnings)?;
         return match model.overlaps_wall(&receiver) {
             None => Ok(vec![receiver]),
             Some(message) => Err(Problem::at(center, message)),
         };
     };
-    let places = lattice.places.map(u32::from);
-    let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), places);
-    let Some(count) = places.into_iter().try_fold(1, u32::checked_mul) else {
-        let message = format!("{places:?} places are more than 2³² − 1; make them fewer");
+    let sites = lattice.places.map(u32::from);
+    let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), sites);
+    let Some(count) = sites.into_iter().try_fold(1, u32::checked_mul) else {
+        let message = format!("{sites:?} places are more than 2³² − 1; make them fewer");
         return Err(Problem::at(center, message));
     };
     let (mut all, said) = (Vec::new(), warnings.len());
     for k in 0..count {
         let offset = shape.offset([0; 4], k, &model.boundary);
         let at = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
-        check_place(&model.boundary, center.clone(), at, receiver.radius, warnings)?;
+        check_position(&model.boundary, center.clone(), at, receiver.radius, warnings)?;
         all.push(Receiver { name: format!("{}-{k}", receiver.name), center: at, ..receiver.clone() });
     }
     warnings.truncate(said + 1);
@@ -71,12 +71,11 @@ fn at_places(
 const BYTES: [u64; 2] = [1000, 100];
 
 fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> {
-    let places = |one: &file::Receiver| -> u64 {
-        let places =
-            one.lattice.map_or([1; 3], |lattice| lattice.places.map(|count| u32::from(count).into()));
-        places.into_iter().fold(1, u64::saturating_mul)
+    let site_count = |one: &file::Receiver| -> u64 {
+        let sites = one.lattice.map_or([1; 3], |lattice| lattice.places.map(|count| u32::from(count).into()));
+        sites.into_iter().fold(1, u64::saturating_mul)
     };
-    let count = many.iter().map(places).fold(0, u64::saturating_add);
+    let count = many.iter().map(site_count).fold(0, u64::saturating_add);
     let needed = count.saturating_mul(BYTES[0] + BYTES[1] * species as u64);
     let fits = check_available(&format!("{count} receivers"), needed, "declare fewer, or raise the limit");
     let span = many.first().map(|one| one.kind.span()).unwrap_or_default();

@@ -23,7 +23,7 @@ pub(super) fn transmitters(
         if let Schedule::Message(message) = &own.schedule {
             symbols += message.symbols.len() as usize;
         }
-        if let Some(message) = own.places_beyond_range() {
+        if let Some(message) = own.point_beyond_range() {
             return Err(Problem::at(span, message));
         }
         if symbols > MAX_BITS {
@@ -52,7 +52,7 @@ fn transmitter(
         None => ([0.0; 3], transmitter.name.span()),
         Some(center) => (to_f32(*center.get_ref()), center.span()),
     };
-    check_place(boundary, span, center, 0.0, warnings)?;
+    check_position(boundary, span, center, 0.0, warnings)?;
     if let Some(message) = faulty_shell(shape(transmitter.shape)) {
         return Err(Problem {
             key: Some("shape".to_owned()),
@@ -152,7 +152,7 @@ fn source(
                 }
             };
             let (center, span) = given.unwrap_or(([0.0; 3], spanned.span()));
-            check_place(boundary, span, center, 0.0, warnings)?;
+            check_position(boundary, span, center, 0.0, warnings)?;
             (center, shape, volume)
         }
     };
@@ -210,7 +210,7 @@ fn ball(dimensions: usize, radius: f32) -> f64 {
     }
 }
 
-pub(super) fn check_place(
+pub(super) fn check_position(
     boundary: &Boundary,
     span: std::ops::Range<usize>,
     center: [f32; 3],

@@ -18,7 +18,7 @@ fn released(boundary: &str, center: &str, shape: &str) -> Vec<String> {
 }
 
 #[test]
-fn places_that_walls_mirror_are_warned_of() {
+fn points_that_walls_mirror_are_warned_of() {
     let beyond = "of the places of transmitter tx are beyond the walls, which mirror them";
     for shape in [
         "kind = 'ball', inner-radius = 12, radius = 13",

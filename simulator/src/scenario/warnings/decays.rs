@@ -18,9 +18,9 @@ pub(in crate::scenario) fn fast_decays(model: &Model) -> Vec<Option<String>> {
     let lives = Lives::new(model);
     let mut messages = vec![None; model.decays.len()];
     for (species, fastest) in fastest_decays(model).into_iter().enumerate() {
-        if let Some((place, rate)) = fastest {
+        if let Some((index, rate)) = fastest {
             let message = lives.message(species, rate, model);
-            messages[place] = message.map(|message| format!("'{}': {message}", model.decays[place].name));
+            messages[index] = message.map(|message| format!("'{}': {message}", model.decays[index].name));
         }
     }
     messages
@@ -29,11 +29,11 @@ pub(in crate::scenario) fn fast_decays(model: &Model) -> Vec<Option<String>> {
 /// Returns the fastest decay of each species, and the rate of all its decays.
 fn fastest_decays(model: &Model) -> Vec<Option<(usize, f64)>> {
     let mut fastest: Vec<Option<(usize, f64)>> = vec![None; model.species.len()];
-    for (place, decay) in model.decays.iter().enumerate() {
-        let entry = fastest[decay.reactant as usize].get_or_insert((place, 0.0));
+    for (index, decay) in model.decays.iter().enumerate() {
+        let entry = fastest[decay.reactant as usize].get_or_insert((index, 0.0));
         entry.1 += decay.rate;
         if decay.rate > model.decays[entry.0].rate {
-            entry.0 = place;
+            entry.0 = index;
         }
     }
     fastest

@@ -170,8 +170,8 @@ pub(in crate::scenario) fn overlapping_absorbers(model: &Model) -> Option<(usize
     let absorbs = |one: &Receiver| {
         matches!(one.kind, ReceiverKind::Absorbing | ReceiverKind::Partial(_)) && !one.moves()
     };
-    let places: Vec<usize> = (0..model.receivers.len()).filter(|&k| absorbs(&model.receivers[k])).collect();
-    let all: Vec<&Receiver> = places.iter().map(|&k| &model.receivers[k]).collect();
+    let indices: Vec<usize> = (0..model.receivers.len()).filter(|&k| absorbs(&model.receivers[k])).collect();
+    let all: Vec<&Receiver> = indices.iter().map(|&k| &model.receivers[k]).collect();
     let overlaps = |[other, one]: [&Receiver; 2]| {
         let least = -(CONTACT as f32) * one.radius.min(other.radius);
         let radii = one.radius + other.radius;
@@ -186,7 +186,7 @@ pub(in crate::scenario) fn overlapping_absorbers(model: &Model) -> Option<(usize
          compared with the overlap are taken at a wrong rate; move them apart, or let them see different species",
         all[one].name, all[other].name
     );
-    Some((places[one], message))
+    Some((indices[one], message))
 }
 
 /// A step with drift that reaches both of two walls is mirrored; see [`wall`](crate::motion::wall).

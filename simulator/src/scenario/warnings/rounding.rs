@@ -14,8 +14,8 @@ pub(in crate::scenario) fn rounded_decays(model: &Model) -> Vec<Option<String>> 
     let mut messages = vec![None; model.decays.len()];
     for species in 0..model.species.len() as u32 {
         let channels = ReactionProbabilities(model).decays(species);
-        for (place, probability, rounded) in rounded(&channels) {
-            messages[place] = Some(message(&model.decays[place].name, probability, rounded));
+        for (index, probability, rounded) in rounded(&channels) {
+            messages[index] = Some(message(&model.decays[index].name, probability, rounded));
         }
     }
     messages
@@ -27,8 +27,8 @@ pub(in crate::scenario) fn rounded_reactions(model: &Model) -> Vec<Option<String
     let chances = ReactionProbabilities(model);
     for pair in chances.pairs() {
         for shell in chances.shells(pair) {
-            for (place, probability, rounded) in rounded(&shell.channels) {
-                messages[place] = Some(message(&model.reactions[place].name, probability, rounded));
+            for (index, probability, rounded) in rounded(&shell.channels) {
+                messages[index] = Some(message(&model.reactions[index].name, probability, rounded));
             }
         }
     }
@@ -62,11 +62,11 @@ fn rounded(channels: &[(usize, f64)]) -> impl Iterator<Item = (usize, f64, f64)>
     let words =
         |probability: f64| probability_threshold(probability).map_or(0.0, |up_to| f64::from(up_to) + 1.0);
     let mut below = 0.0;
-    channels.iter().filter_map(move |&(place, probability)| {
+    channels.iter().filter_map(move |&(index, probability)| {
         let before = words(below);
         below += probability;
         let rounded = (words(below) - before) / WORDS;
-        ((rounded - probability).abs() > ROUNDED * probability).then_some((place, probability, rounded))
+        ((rounded - probability).abs() > ROUNDED * probability).then_some((index, probability, rounded))
     })
 }
 

@@ -70,27 +70,27 @@ fn parts_outside(transmitter: &Transmitter, boundary: &Boundary) -> (f64, f64) {
     }
     let slack = |at: f32, extent: f64| ROUNDING * (at.abs() + extent as f32);
     let reach = shape.reach();
-    let is_beyond = |place: [f32; 3]| {
+    let is_beyond = |point: [f32; 3]| {
         (0..3).any(|k| match boundary.axes[k] {
             Axis::Reflecting { low, high } => {
-                let slack = slack(place[k], reach[k]);
-                place[k] < low - slack || place[k] > high + slack
+                let slack = slack(point[k], reach[k]);
+                point[k] < low - slack || point[k] > high + slack
             }
             _ => false,
         })
     };
-    let is_outside = |place: [f32; 3]| {
+    let is_outside = |point: [f32; 3]| {
         boundary
             .vessel
-            .is_some_and(|vessel| vessel.distance(place) > f64::from(vessel.radius * (1.0 + ROUNDING)))
+            .is_some_and(|vessel| vessel.distance(point) > f64::from(vessel.radius * (1.0 + ROUNDING)))
     };
     let (mut beyond, mut outside) = (0, 0);
     for k in 0..PLACES {
         let words = Key::new(0).draw(k, 0, 0, Purpose::Release);
         let offset = shape.offset(words, shape.random_site(words[0]), boundary);
-        let place = std::array::from_fn(|axis| center[axis] + offset[axis]);
-        beyond += u32::from(is_beyond(place));
-        outside += u32::from(!is_beyond(place) && is_outside(place));
+        let point = std::array::from_fn(|axis| center[axis] + offset[axis]);
+        beyond += u32::from(is_beyond(point));
+        outside += u32::from(!is_beyond(point) && is_outside(point));
     }
     (f64::from(beyond) / f64::from(PLACES), f64::from(outside) / f64::from(PLACES))
 }
