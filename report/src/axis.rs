@@ -252,9 +252,9 @@ mod tests {
         assert_eq!(labels(0.0..5300.0), ["0", "1000", "2000", "3000", "4000", "5000"]);
         for space in [ACROSS, UP].map(linear) {
             for k in -60..60 {
-                for part in [0.0, 0.3, 0.9] {
+                for fraction in [0.0, 0.3, 0.9] {
                     let high = 1.37_f64.powi(k);
-                    let range = part * high..high;
+                    let range = fraction * high..high;
                     let ticks = ticks(&range, Quantity::Number, space);
                     assert!(
                         ticks.len() >= 2 && space.holds(&ticks, &range, Quantity::Number),

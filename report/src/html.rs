@@ -67,8 +67,8 @@ fn cell(cell: &Cell) -> String {
 
 fn inline(text: &str) -> String {
     let text = escaped(text);
-    let parts: Vec<&str> = text.split('`').collect();
-    let (pairs, rest) = parts.split_at((parts.len() - 1) / 2 * 2);
+    let segments: Vec<&str> = text.split('`').collect();
+    let (pairs, rest) = segments.split_at((segments.len() - 1) / 2 * 2);
     let code = |pair: &[&str]| format!("{}<code>{}</code>", pair[0], pair[1]);
     pairs.chunks(2).map(code).collect::<String>() + &rest.join("`")
 }

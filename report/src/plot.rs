@@ -189,8 +189,8 @@ impl Ranged for AxisTicks {
     fn map(&self, value: &f64, limit: (i32, i32)) -> i32 {
         let [low, at, high] =
             [self.range.start, *value, self.range.end].map(|value| self.scale.position(value));
-        let part = (at - low) / (high - low);
-        limit.0 + (part * f64::from(limit.1 - limit.0)).round() as i32
+        let fraction = (at - low) / (high - low);
+        limit.0 + (fraction * f64::from(limit.1 - limit.0)).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {

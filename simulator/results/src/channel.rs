@@ -151,13 +151,13 @@ impl Channels {
         )?;
         for response in &self.responses {
             let bin = f64::from(response.width) * model.time_step;
-            for (k, part) in response.parts.iter().enumerate() {
+            for (k, fraction) in response.fractions.iter().enumerate() {
                 // A momentary count has no sum.
                 let cumulative = response.cumulative.get(k).copied().unwrap_or_default();
                 let [from, until] = [k, k + 1].map(|k| k as f64 * bin);
                 let name = names(response.link, model);
-                let values = [value(part), value(&cumulative)].join(",");
-                writeln!(out, "{name},{from},{until},{},{values}", part.count())?;
+                let values = [value(fraction), value(&cumulative)].join(",");
+                writeln!(out, "{name},{from},{until},{},{values}", fraction.count())?;
             }
         }
         Ok(())
@@ -167,9 +167,9 @@ impl Channels {
     pub fn write_interference(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,slot,replicas,part mean,part error")?;
         for interference in &self.interference {
-            for (slot, part) in interference.by_lag.iter().enumerate() {
+            for (lag, fraction) in interference.by_lag.iter().enumerate() {
                 let name = names(interference.link, model);
-                writeln!(out, "{name},{slot},{},{}", part.count(), value(part))?;
+                writeln!(out, "{name},{lag},{},{}", fraction.count(), value(fraction))?;
             }
         }
         Ok(())

@@ -6,9 +6,9 @@ pub fn wilson(hits: u64, trials: u64) -> [f64; 2] {
     if trials == 0 {
         return [0.0, 1.0];
     }
-    let (n, part) = (trials as f64, hits as f64 / trials as f64);
-    let middle = part + Z * Z / (2.0 * n);
-    let half = Z * (part * (1.0 - part) / n + Z * Z / (4.0 * n * n)).sqrt();
+    let (n, fraction) = (trials as f64, hits as f64 / trials as f64);
+    let middle = fraction + Z * Z / (2.0 * n);
+    let half = Z * (fraction * (1.0 - fraction) / n + Z * Z / (4.0 * n * n)).sqrt();
     let [low, high] = [middle - half, middle + half].map(|end| end / (1.0 + Z * Z / n));
     [if hits == 0 { 0.0 } else { low }, if hits == trials { 1.0 } else { high }]
 }
@@ -22,11 +22,15 @@ mod tests {
     fn ends_solve_the_equation_of_the_score_test() {
         for trials in [1, 10, 192, 100_000] {
             for hits in [0, 1, trials / 3, trials - 1, trials] {
-                let part = hits as f64 / trials as f64;
+                let fraction = hits as f64 / trials as f64;
                 let [low, high] = wilson(hits, trials);
-                assert!(low <= part && part <= high && low >= 0.0 && high <= 1.0, "{hits} of {trials}");
+                assert!(
+                    low <= fraction && fraction <= high && low >= 0.0 && high <= 1.0,
+                    "{hits} of {trials}"
+                );
                 for end in [low, high].into_iter().filter(|end| (1e-12..1.0 - 1e-12).contains(end)) {
-                    let [off, allowed] = [(part - end).powi(2), Z * Z * end * (1.0 - end) / trials as f64];
+                    let [off, allowed] =
+                        [(fraction - end).powi(2), Z * Z * end * (1.0 - end) / trials as f64];
                     assert!((off / allowed - 1.0).abs() < 1e-9, "{hits} of {trials}: {end}");
                 }
             }

@@ -57,7 +57,7 @@ pub struct Response {
     /// Steps per bin.
     pub width: u32,
     /// Fraction in each bin.
-    pub parts: Vec<RunningStats>,
+    pub fractions: Vec<RunningStats>,
     /// Fraction up to the end of each bin; empty for momentary counts.
     pub cumulative: Vec<RunningStats>,
 }
@@ -65,14 +65,14 @@ pub struct Response {
 impl Response {
     pub fn new(link: Link, from: SourceSpecies, width: u32, bins: usize) -> Self {
         let none = vec![RunningStats::default(); bins];
-        Self { link, from, width, parts: none.clone(), cumulative: none }
+        Self { link, from, width, fractions: none.clone(), cumulative: none }
     }
 
     /// Adds a replica with these `rows` (steps). A bin's fraction inside is the mean over its rows.
     pub fn add_momentary(&mut self, log: &Log, rows: &[u32]) {
         self.cumulative.clear();
         let Self { link, from, width, .. } = *self;
-        let bins = self.parts.len();
+        let bins = self.fractions.len();
         let (mut released, mut inside) = (vec![0_u64; bins], vec![0_u64; bins]);
         let bin = |step: u32, from: u32| ((step - from) / width) as usize;
         for release in link.releases(log, from) {
@@ -88,15 +88,15 @@ impl Response {
                 *count += own.count;
             }
         }
-        let all = self.parts.iter_mut().zip(inside.iter().zip(&released));
+        let all = self.fractions.iter_mut().zip(inside.iter().zip(&released));
         all.filter(|(_, (_, released))| **released > 0)
-            .for_each(|(part, (inside, released))| part.add(*inside as f64 / *released as f64));
+            .for_each(|(fraction, (inside, released))| fraction.add(*inside as f64 / *released as f64));
     }
 
     /// Adds a replica. Releases contribute only to bins that end within `steps`.
     pub fn add(&mut self, log: &Log, steps: u32) {
         let Self { link, from, width, .. } = *self;
-        let bins = self.parts.len();
+        let bins = self.fractions.len();
         let mut released = vec![0_u64; bins];
         let whole = |step: u32| ((steps.saturating_sub(step)) / width) as usize;
         for release in link.releases(log, from) {
@@ -115,16 +115,16 @@ impl Response {
         let mut sum = 0.0;
         for k in 0..bins {
             if released[k] > 0 {
-                let part = arrived[k] as f64 / released[k] as f64;
-                sum += part;
-                self.parts[k].add(part);
+                let fraction = arrived[k] as f64 / released[k] as f64;
+                sum += fraction;
+                self.fractions[k].add(fraction);
                 self.cumulative[k].add(sum);
             }
         }
     }
 
     pub fn is_any(&self) -> bool {
-        self.parts.iter().any(|part| part.mean() > 0.0)
+        self.fractions.iter().any(|fraction| fraction.mean() > 0.0)
     }
 }
 
@@ -145,7 +145,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_are_of_the_releases_with_a_complete_window() {
+    fn fractions_are_of_the_releases_with_a_complete_window() {
         let log = Log {
             arrivals: vec![arrived(1, 0), arrived(4, 0), arrived(5, 0), arrived(12, 0), arrived(12, 8)],
             releases: vec![released(0, 10), released(8, 10)],
@@ -153,20 +153,23 @@ mod tests {
         };
         let mut response = Response::new(LINK, ARRIVING, 4, 4);
         response.add(&log, 12);
-        let parts: Vec<f64> = response.parts.iter().map(RunningStats::mean).collect();
-        assert_eq!(parts[..3], [0.15, 0.1, 0.1]);
-        assert!(parts[3].is_nan(), "no release had 16 steps");
+        let fractions: Vec<f64> = response.fractions.iter().map(RunningStats::mean).collect();
+        assert_eq!(fractions[..3], [0.15, 0.1, 0.1]);
+        assert!(fractions[3].is_nan(), "no release had 16 steps");
         let cumulative: Vec<f64> = response.cumulative.iter().map(RunningStats::mean).collect();
         assert!((cumulative[2] - 0.35).abs() < 1e-12);
         response.add(&Log { arrivals: vec![], ..log.clone() }, 12);
-        assert_eq!((response.parts[0].mean(), response.parts[0].standard_error()), (0.075, Some(0.075)));
+        assert_eq!(
+            (response.fractions[0].mean(), response.fractions[0].standard_error()),
+            (0.075, Some(0.075))
+        );
         let mut other = Response::new(Link { receiver: 1, ..LINK }, ARRIVING, 4, 4);
         other.add(&log, 12);
         assert!(response.is_any() && !other.is_any());
     }
 
     #[test]
-    fn part_inside_is_a_mean_over_rows() {
+    fn fraction_inside_is_a_mean_over_rows() {
         let inside =
             |step, from, count| Inside { step, receiver: 0, species: 0, origin: Some((0, from)), count };
         let log = Log {
@@ -182,9 +185,9 @@ mod tests {
         };
         let mut response = Response::new(LINK, ARRIVING, 4, 3);
         response.add_momentary(&log, &[0, 2, 4, 6, 8, 10, 12]);
-        let parts: Vec<f64> = response.parts.iter().map(RunningStats::mean).collect();
+        let fractions: Vec<f64> = response.fractions.iter().map(RunningStats::mean).collect();
         // Rows at 0, 2, 8, 10: 4 + 5 of 40; at 4, 6, 12: 2 + 3 + 1 of 30; at 8, 10: none of 20.
-        assert_eq!(parts, [9.0 / 40.0, 6.0 / 30.0, 0.0]);
+        assert_eq!(fractions, [9.0 / 40.0, 6.0 / 30.0, 0.0]);
         assert!(response.cumulative.is_empty());
     }
 
@@ -194,7 +197,7 @@ mod tests {
         let mut response = Response::new(LINK, ARRIVING, 4, 1);
         response.add(&log, 4);
         response.add_momentary(&log, &[0]);
-        assert_eq!(response.parts[0].count(), 0);
+        assert_eq!(response.fractions[0].count(), 0);
     }
 
     #[test]
@@ -213,6 +216,6 @@ mod tests {
         };
         let mut response = Response::new(Link { species: 1, ..LINK }, SourceSpecies::Any, 4, 1);
         response.add(&log, 4);
-        assert_eq!(response.parts[0].mean(), 0.25);
+        assert_eq!(response.fractions[0].mean(), 0.25);
     }
 }

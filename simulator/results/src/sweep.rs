@@ -52,13 +52,18 @@ impl SweepRow {
         for response in &channels.responses {
             let name = link_name(response.link, model);
             let bin = f64::from(response.width) * model.time_step;
-            let means = || response.parts.iter().enumerate().filter(|(_, part)| part.count() > 0);
+            let means = || response.fractions.iter().enumerate().filter(|(_, fraction)| fraction.count() > 0);
             // `max_by` returns the last of equal bins, which is the first in reverse.
             if let Some((k, _)) = means().rev().max_by(|a, b| a.1.mean().total_cmp(&b.1.mean())) {
                 self.add("peak time", format!("{name} peak time"), (k as f64 + 0.5) * bin, None);
             }
-            if let Some(part) = response.cumulative.iter().rfind(|part| part.count() > 0) {
-                self.add("arrived part", format!("{name} arrived part"), part.mean(), part.standard_error());
+            if let Some(fraction) = response.cumulative.iter().rfind(|fraction| fraction.count() > 0) {
+                self.add(
+                    "arrived part",
+                    format!("{name} arrived part"),
+                    fraction.mean(),
+                    fraction.standard_error(),
+                );
             }
         }
         for own in channels.interference.iter().filter(|own| own.late.count() > 0) {
@@ -110,7 +115,11 @@ mod tests {
     fn peak_time_is_that_of_the_first_of_equal_bins() {
         let link = Link { transmitter: 0, receiver: 0, species: 0 };
         let mut response = Response::new(link, SourceSpecies::Arriving, 10, 4);
-        response.parts.iter_mut().zip([0.1, 0.3, 0.2, 0.3]).for_each(|(part, value)| part.add(value));
+        response
+            .fractions
+            .iter_mut()
+            .zip([0.1, 0.3, 0.2, 0.3])
+            .for_each(|(fraction, value)| fraction.add(value));
         let channels = Channels { responses: vec![response], ..Channels::default() };
         let row = SweepRow::new(Vec::new(), &model(), &MeanSeries::default(), &channels);
         let peak = row.results.iter().find(|result| result.group == "peak time").unwrap();

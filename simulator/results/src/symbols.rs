@@ -81,7 +81,7 @@ impl Interference {
             }
         }
         let seen = |lag: usize| released[..slots.len().saturating_sub(lag)].iter().sum::<u64>();
-        self.add_parts(arrived.into_iter().enumerate().map(|(lag, arrived)| (arrived, seen(lag))));
+        self.add_fractions(arrived.into_iter().enumerate().map(|(lag, arrived)| (arrived, seen(lag))));
     }
 
     /// Adds a replica: the mean fraction inside in the `rows` (steps) of a slot.
@@ -101,18 +101,18 @@ impl Interference {
                 *count += own.count;
             }
         }
-        self.add_parts(inside.into_iter().zip(seen));
+        self.add_fractions(inside.into_iter().zip(seen));
     }
 
-    fn add_parts(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
+    fn add_fractions(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
         // `None` until own slots have a sample, without which the late fraction is unknown.
         let (mut own, mut late) = (None, 0.0);
         for (lag, (count, of)) in counts.enumerate().filter(|(_, (_, of))| *of > 0) {
-            let part = count as f64 / of as f64;
-            self.by_lag[lag].add(part);
+            let fraction = count as f64 / of as f64;
+            self.by_lag[lag].add(fraction);
             match lag {
-                0 => own = Some(part),
-                _ => late += part,
+                0 => own = Some(fraction),
+                _ => late += fraction,
             }
         }
         if let Some(own) = own.filter(|own| own + late > 0.0) {
@@ -223,9 +223,9 @@ pub(crate) mod tests {
         };
         let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 3);
         interference.add_momentary(&log, &rows, &slots(100));
-        let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
+        let fractions: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
         // Bursts of 10: five rows in their own slots, four in the next, two in the one after.
-        assert_eq!(parts, [10.0 / 50.0, 3.0 / 40.0, 3.0 / 20.0]);
+        assert_eq!(fractions, [10.0 / 50.0, 3.0 / 40.0, 3.0 / 20.0]);
     }
 
     #[test]
@@ -253,8 +253,8 @@ pub(crate) mod tests {
         let log = log(&[(0, 0, 6), (0, 1, 2), (0, 2, 1), (2, 2, 4), (2, 3, 1), (3, 3, 5)]);
         let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 4);
         interference.add(&log, &slots(100));
-        let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
-        assert_eq!(parts, [15.0 / 30.0, 3.0 / 20.0, 1.0 / 10.0, 0.0]);
+        let fractions: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
+        assert_eq!(fractions, [15.0 / 30.0, 3.0 / 20.0, 1.0 / 10.0, 0.0]);
         assert!((interference.late.mean() - 0.25 / 0.75).abs() < 1e-12);
     }
 }

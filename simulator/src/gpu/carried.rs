@@ -39,8 +39,10 @@ const VESSEL_ITERATIONS: usize = 200;
 impl Carried {
     /// Returns one bound, or two with a pulse, which bound all its fractions.
     fn all(model: &Model, steps: &[SpeciesStep], species: usize) -> Vec<Self> {
-        let parts = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
-        let drifts = parts.iter().map(|&part| StepDrift::new(model, species, StepTime::new(model, part)));
+        let flow_fractions = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
+        let drifts = flow_fractions
+            .iter()
+            .map(|&flow_fraction| StepDrift::new(model, species, StepTime::new(model, flow_fraction)));
         drifts.map(|drift| Self::new(model, species, steps[species].diffusion, drift.drift)).collect()
     }
 
@@ -98,13 +100,13 @@ impl Carried {
         let along = self.along(axis, model) + MAX_SPREADS * spread;
         let relative = (self.drift[axis] - own).abs() + along;
         let moved = self.drift[axis].abs() + along;
-        let (center, reach) = (receiver.center[axis], receiver.radius + moved);
+        let (center, extent) = (receiver.center[axis], receiver.radius + moved);
         let stays = own == 0.0 && receiver.diffusion == 0.0;
         let passed = |moved: f32, width: f32| 1 + (moved / width).min(MAX_PIECES as f32) as usize;
         match model.boundary.axes[axis].inset(self.radius) {
             Axis::Open | Axis::Frozen => 0,
             Axis::Reflecting { .. } if moved == 0.0 => 0,
-            Axis::Reflecting { low, high } if stays && center - reach >= low && center + reach <= high => 0,
+            Axis::Reflecting { low, high } if stays && center - extent >= low && center + extent <= high => 0,
             Axis::Reflecting { low, high } => passed(moved, high - low),
             Axis::Periodic { .. } if relative == 0.0 => 0,
             Axis::Periodic { low, high } if 2.0 * (receiver.radius + relative) <= high - low => 0,
@@ -141,7 +143,7 @@ pub(super) fn long_path_iterations(model: &Model) -> usize {
 }
 
 /// Bounds the displacement of all but one in ten million particles.
-pub(super) fn reach(model: &Model, steps: &[SpeciesStep], species: usize) -> f32 {
+pub(super) fn search_distance(model: &Model, steps: &[SpeciesStep], species: usize) -> f32 {
     let step = &steps[species];
     let longest = Carried::all(model, steps, species).iter().map(Carried::length).fold(0.0, f32::max);
     1.01 * (6.0 * step.length + longest) + step.bend

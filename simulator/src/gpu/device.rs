@@ -52,9 +52,9 @@ pub(super) fn filled<T: ShaderType + WriteInto>(
 pub(super) fn read(
     own: &GpuDevice,
     mut encoder: wgpu::CommandEncoder,
-    parts: &[(&wgpu::Buffer, u64)],
+    sources: &[(&wgpu::Buffer, u64)],
 ) -> Result<Vec<Vec<u8>>, Error> {
-    let size = parts.iter().map(|(_, bytes)| bytes).sum::<u64>().max(16);
+    let size = sources.iter().map(|(_, bytes)| bytes).sum::<u64>().max(16);
     let staging = wgpu::BufferDescriptor {
         label: Some("readback"),
         size,
@@ -63,7 +63,7 @@ pub(super) fn read(
     };
     let staging = with_error_scope(own, "the readback", size, || own.device.create_buffer(&staging))?;
     let mut offset = 0;
-    for &(source, bytes) in parts {
+    for &(source, bytes) in sources {
         if bytes > 0 {
             encoder.copy_buffer_to_buffer(source, 0, &staging, offset, bytes);
         }
@@ -82,9 +82,9 @@ pub(super) fn read(
     let view = staging.slice(..).get_mapped_range().map_err(|error| lost(error.to_string()))?;
     let mut rest = &view[..];
     let mut take = |&(_, bytes): &(&wgpu::Buffer, u64)| {
-        let (part, others) = rest.split_at(bytes as usize);
+        let (first, others) = rest.split_at(bytes as usize);
         rest = others;
-        part.to_vec()
+        first.to_vec()
     };
-    Ok(parts.iter().map(&mut take).collect())
+    Ok(sources.iter().map(&mut take).collect())
 }

@@ -1,6 +1,6 @@
 use glam::UVec2;
 
-use crate::model::membrane::{MAX_PARTS, MembraneSurface, narrowest_gaps, parts};
+use crate::model::membrane::{MAX_SUBSTEPS, MembraneSurface, narrowest_gaps, substep_count};
 use crate::{Axis, Boundary, Model, Species};
 
 pub(super) type Row = [u32; 4];
@@ -8,9 +8,9 @@ pub(super) type Row = [u32; 4];
 /// Largest number of spherical membranes of a species, as in `membrane_spheres.wgsl`.
 pub(super) const MAX_SPHERES: usize = 100;
 
-/// Lowest bit of a membrane's index in the row of a plane, above the bits of the axis and of [`MAX_PARTS`].
+/// Lowest bit of a membrane's index in the row of a plane, above the bits of the axis and of [`MAX_SUBSTEPS`].
 const MEMBRANE_SHIFT: u32 = 11;
-const _: () = assert!(MAX_PARTS << 2 < 1 << MEMBRANE_SHIFT);
+const _: () = assert!(MAX_SUBSTEPS << 2 < 1 << MEMBRANE_SHIFT);
 
 /// Rounding of a distance from a surface in single precision, in radii and in lengths of a periodic box.
 const ROUNDING: [f32; 2] = [1e-6, 2e-7];
@@ -33,7 +33,7 @@ impl MembraneRows {
             match membrane.surface {
                 MembraneSurface::Plane { axis, position } => {
                     let rate = (2.0 * membrane.permeability / diffusion) as f32;
-                    let index = axis as u32 | parts(gaps[axis], spread) << 2 | k << MEMBRANE_SHIFT;
+                    let index = axis as u32 | substep_count(gaps[axis], spread) << 2 | k << MEMBRANE_SHIFT;
                     let row = |at: f32| [at.to_bits(), below(at).to_bits(), rate.to_bits(), index];
                     rows.planes.extend(model.boundary.axes[axis].plane_images(position).map(row));
                 }
@@ -54,7 +54,7 @@ impl MembraneRows {
     }
 
     /// Returns the largest number of parts of a step.
-    pub(super) fn most_parts(&self) -> usize {
+    pub(super) fn max_substeps(&self) -> usize {
         self.planes.iter().map(|row| (row[3] % (1 << MEMBRANE_SHIFT)) >> 2).max().unwrap_or(0) as usize
     }
 

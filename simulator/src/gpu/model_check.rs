@@ -92,8 +92,8 @@ fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Erro
     for (id, species) in model.species.iter().enumerate() {
         let rows = MembraneRows::new(model, id);
         let (planes, spheres) = rows.counts();
-        let parts = AXES * rows.most_parts() * (2 * planes + 1);
-        let iterations = membrane_iterations((planes, spheres), visits, repeats) + parts;
+        let substeps = AXES * rows.max_substeps() * (2 * planes + 1);
+        let iterations = membrane_iterations((planes, spheres), visits, repeats) + substeps;
         if iterations > most || spheres > MAX_SPHERES {
             let what = format!(
                 "{spheres} spherical and {planes} plane membranes with images that hold back {}, beyond {MAX_SPHERES} spheres or, \

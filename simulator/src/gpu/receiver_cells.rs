@@ -78,14 +78,15 @@ impl ReceiverCellsBuilder {
         };
         let receivers: Vec<Vec<Sphere>> =
             self.species_rows.iter().map(|kind| self.events_of(kind).iter().map(sphere).collect()).collect();
-        let reach = |kind: &SpeciesRow| kind.reach + 3.0 * max_displacement;
-        let widest = self.species_rows.iter().map(reach).fold(0.0, f32::max);
+        let search_distance = |kind: &SpeciesRow| kind.reach + 3.0 * max_displacement;
+        let widest = self.species_rows.iter().map(search_distance).fold(0.0, f32::max);
         loop {
             let cells = Cells::new(receivers.iter().flatten(), widest, &self.boundary, self.max_cells);
             if !cells.are_finite(widest) {
                 return Ok(ReceiverCells::default());
             }
-            let around = |kind| (0..cells.count()).map(|at| cells.sphere(at, reach(kind))).collect();
+            let around =
+                |kind| (0..cells.count()).map(|at| cells.sphere(at, search_distance(kind))).collect();
             let around: Vec<Vec<Sphere>> = self.species_rows.iter().map(around).collect();
             if let Some(words) = self.words(&around, &receivers)? {
                 return Ok(ReceiverCells { head: cells.head(), words });
@@ -128,14 +129,14 @@ const ROUNDING: f64 = 1e-6;
 impl Cells {
     fn new<'a>(
         receivers: impl Iterator<Item = &'a Sphere>,
-        reach: f32,
+        search_distance: f32,
         room: &Boundary,
         most: usize,
     ) -> Self {
         let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
         for Sphere { center, radius } in receivers {
             let center = center.to_array();
-            let beyond = radius + reach;
+            let beyond = radius + search_distance;
             let beyond = f64::from(beyond + rounding(center, beyond));
             for k in 0..3 {
                 low[k] = low[k].min(f64::from(center[k]) - beyond);
@@ -152,17 +153,17 @@ impl Cells {
         }
         let length: [f64; 3] = std::array::from_fn(|k| high[k] - low[k]);
         // Narrower cells would hardly shorten the lists.
-        let least = 0.5 * f64::from(reach);
-        let mut edge = (length.iter().product::<f64>() / most.max(1) as f64).cbrt().max(least);
+        let least = 0.5 * f64::from(search_distance);
+        let mut cell_size = (length.iter().product::<f64>() / most.max(1) as f64).cbrt().max(least);
         loop {
-            let cells = length.map(|length| (length / edge).ceil().max(1.0));
+            let cells = length.map(|length| (length / cell_size).ceil().max(1.0));
             if cells.iter().product::<f64>() <= 2.0 * most as f64 {
                 break Self { low, length, cells: cells.map(|count| count as u32) };
             }
             if most <= 1 {
                 break Self { low, length, cells: [1; 3] };
             }
-            edge *= 1.25;
+            cell_size *= 1.25;
         }
     }
 
@@ -170,24 +171,24 @@ impl Cells {
         self.cells.iter().map(|&count| count as usize).product()
     }
 
-    fn are_finite(&self, reach: f32) -> bool {
+    fn are_finite(&self, search_distance: f32) -> bool {
         let ReceiverCellsHeader { low, cells_per_length, .. } = self.head();
-        let last = self.sphere(self.count() - 1, reach);
+        let last = self.sphere(self.count() - 1, search_distance);
         low.is_finite()
             && cells_per_length.is_finite()
             && last.center.is_finite()
             && (2.0 * last.radius).is_finite()
     }
 
-    fn sphere(&self, at: usize, reach: f32) -> Sphere {
+    fn sphere(&self, at: usize, search_distance: f32) -> Sphere {
         let [x, y, _] = self.cells.map(|count| count as usize);
         let cell = [at % x, at / x % y, at / x / y];
-        let edge: [f64; 3] = std::array::from_fn(|k| self.length[k] / f64::from(self.cells[k]));
+        let cell_size: [f64; 3] = std::array::from_fn(|k| self.length[k] / f64::from(self.cells[k]));
         let center: [f32; 3] =
-            std::array::from_fn(|k| (self.low[k] + (cell[k] as f64 + 0.5) * edge[k]) as f32);
-        let half = 0.5 * edge.iter().map(|edge| edge * edge).sum::<f64>().sqrt();
+            std::array::from_fn(|k| (self.low[k] + (cell[k] as f64 + 0.5) * cell_size[k]) as f32);
+        let half = 0.5 * cell_size.iter().map(|cell_size| cell_size * cell_size).sum::<f64>().sqrt();
         let off: f64 = (0..3).map(|k| ROUNDING * (self.low[k].abs() + self.length[k])).sum();
-        let radius = reach + (half + off) as f32;
+        let radius = search_distance + (half + off) as f32;
         Sphere::new(center, radius + rounding(center, radius))
     }
 
@@ -236,7 +237,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_contain_all_receivers_within_reach() {
+    fn lists_contain_all_receivers_within_distance() {
         let rooms = [
             (Boundary::default(), 10.0),
             (Boundary::default(), 1e-6),

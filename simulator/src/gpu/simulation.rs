@@ -47,7 +47,7 @@ pub struct GpuSimulation {
     partial_events: PartialEvents,
     tables: Tables,
     /// Fraction of a step during which the flow of `tables` is on.
-    flow_part: f64,
+    flow_fraction: f64,
     ligands: Vec<LigandRow>,
     trajectory: ReceiverTrajectory,
     cells_builder: ReceiverCellsBuilder,
@@ -153,7 +153,7 @@ impl GpuSimulation {
             partial_events: PartialEvents::new(&model),
             ligands: tables.ligands(),
             tables,
-            flow_part: 1.0,
+            flow_fraction: 1.0,
             trajectory: ReceiverTrajectory::new(&model, key, &state.centers, state.step, 0),
             cells: receiver_cells.head,
             cells_builder,

@@ -1,4 +1,4 @@
-use super::carried::{long_path_iterations, reach};
+use super::carried::{long_path_iterations, search_distance};
 use super::kernel::Variant;
 use super::layout::{
     ChemotaxisRow, DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow,
@@ -86,14 +86,14 @@ impl Tables {
         }
     }
 
-    pub(super) fn set_flow(&mut self, model: &Model, part: f64) {
-        let time = StepTime::new(model, part);
+    pub(super) fn set_flow(&mut self, model: &Model, flow_fraction: f64) {
+        let time = StepTime::new(model, flow_fraction);
         for (species, row) in self.species_rows.iter_mut().enumerate() {
             let drift = StepDrift::new(model, species, time);
             row.drift = drift.drift.into();
             row.drifts_at_wall = at_wall_bits(drift);
         }
-        self.params.flow_duration = (part * model.time_step) as f32;
+        self.params.flow_duration = (flow_fraction * model.time_step) as f32;
         if let Some(flow) = FlowStep::new(model, time) {
             self.params.peak_flow = flow.fastest as f32;
         }
@@ -174,7 +174,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             threshold: channel.up_to,
             product: channel.product.unwrap_or(NOTHING),
             tally: tallies.decay(channel.decay as usize) as u32,
-            share: channel.share as f32,
+            share: channel.cumulative_fraction as f32,
             ..EventRow::default()
         }));
         let walls_begin = event_rows.len() as u32;
@@ -202,7 +202,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             walls_begin,
             events_end,
             bend: step.bend,
-            reach: reach(model, &motion.steps, id),
+            reach: search_distance(model, &motion.steps, id),
             cell_lists: if is_listed { listed } else { NOTHING },
             speed: species.speed as f32,
             thermal_speed: species.thermal_speed as f32,
@@ -282,7 +282,11 @@ fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
     let reactions = Reactions::new(model);
     let species = model.species.len() as u32;
     let pairs = || (0..species).flat_map(|a| (0..species).map(move |b| [a, b]));
-    let idle = |pair| ReactionRow { first: NOTHING, share: model.share(pair), ..ReactionRow::default() };
+    let idle = |pair| ReactionRow {
+        first: NOTHING,
+        share: model.displacement_fraction(pair),
+        ..ReactionRow::default()
+    };
     let mut rows: Vec<_> = pairs().map(idle).collect();
     for [a, b] in pairs() {
         let head = (a * species + b) as usize;
@@ -327,7 +331,7 @@ fn reaction_row(
     let speed = |product: Option<u32>| of(product).map_or(0.0, |species| species.speed as f32);
     let thermal = |product: Option<u32>| of(product).map_or(0.0, |species| species.thermal_speed as f32);
     let reaction = &model.reactions[rule.reaction as usize];
-    let [share, first_share] = reactions.shares_of(rule.reaction);
+    let [share, first_share] = reactions.first_fractions_of(rule.reaction);
     let mut flags = u32::from(rule.consumes[0]) | u32::from(rule.consumes[1]) << 1;
     flags |= if within.is_some() { ReactionRow::NARROWER } else { 0 };
     flags |= if reaction.separates() { ReactionRow::APART } else { 0 };
@@ -378,7 +382,7 @@ fn dissociation_rows(model: &Model, tallies: &Tallies) -> Vec<DissociationRow> {
                 tally: tallies.decay(channel.decay as usize) as u32,
                 is_within,
                 unbinding,
-                share: channel.share,
+                share: channel.first_fraction,
                 products: products.map(|product| product.map_or(NOTHING, |(species, _)| species)).into(),
                 radii: products.map(|product| product.map_or(0.0, |(_, radius)| radius)).into(),
                 product_speeds: kinds.map(|kind| kind.map_or(0.0, |kind| kind.speed as f32)).into(),

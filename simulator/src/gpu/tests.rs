@@ -196,8 +196,9 @@ fn matched(
     write("control", bytemuck::bytes_of(&head));
     let mut encoder = own.device.create_command_encoder(&Default::default());
     steps.encode_matching(&mut encoder);
-    let parts = [(steps.buffer("claims"), CLAIM_BYTES * u64::from(particles)), (steps.buffer("control"), 16)];
-    let read = read(own, encoder, &parts).expect("read");
+    let sources =
+        [(steps.buffer("claims"), CLAIM_BYTES * u64::from(particles)), (steps.buffer("control"), 16)];
+    let read = read(own, encoder, &sources).expect("read");
     let claims: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&read[0]);
     let control: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
     (control[3], claims.iter().map(|c| (c[2] != 0).then_some(f32::from_bits(c[4]))).collect())

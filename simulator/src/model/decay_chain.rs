@@ -70,8 +70,8 @@ fn expected(links: &[Link], species: usize, time_step: f64) -> Vec<f64> {
         let mut next = vec![0.0; species];
         for &Link { from, to, rate, .. } in links {
             // The probability of this decay before the end of the time.
-            let share = rate / rates[from] / (1.0 + 1.0 / (rates[from] * time_step));
-            next[from] += share * (1.0 + to.map_or(0.0, |to| means[to]));
+            let fraction = rate / rates[from] / (1.0 + 1.0 / (rates[from] * time_step));
+            next[from] += fraction * (1.0 + to.map_or(0.0, |to| means[to]));
         }
         let change = means.iter().zip(&next).map(|(old, new): (&f64, &f64)| new - old).fold(0.0, f64::max);
         means = next;

@@ -118,9 +118,9 @@ impl FlowField {
         for corner in 0..8_usize {
             let mut weight = 1.0;
             let mut index = 0;
-            for (axis, (first, part)) in cells.into_iter().enumerate() {
+            for (axis, (first, fraction)) in cells.into_iter().enumerate() {
                 let upper = corner >> axis & 1;
-                weight *= if upper == 1 { part } else { 1.0 - part };
+                weight *= if upper == 1 { fraction } else { 1.0 - fraction };
                 index = index * self.points[axis] + (first + upper).min(self.points[axis] - 1);
             }
             let velocity = &self.velocities[3 * index..3 * index + 3];

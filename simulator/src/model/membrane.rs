@@ -21,8 +21,8 @@ mod receiver;
 mod sphere;
 
 #[cfg(feature = "gpu")]
-pub(crate) use self::gaps::parts;
-pub(crate) use self::gaps::{MAX_PARTS, narrowest_gaps};
+pub(crate) use self::gaps::substep_count;
+pub(crate) use self::gaps::{MAX_SUBSTEPS, narrowest_gaps};
 use self::sphere::SphereEnd;
 use crate::model::boundary::{Axis, Boundary};
 use crate::random::bridge::lowest;
@@ -128,7 +128,7 @@ impl MembraneStep<'_> {
     }
 
     /// Returns the end of a part with this standard deviation, in µm.
-    fn part_end(
+    fn substep_end(
         &self,
         axis: usize,
         [before, end]: [f32; 2],

@@ -212,7 +212,7 @@ impl Model {
     }
 
     /// Returns the fraction of an interval, in s, with flow.
-    pub(crate) fn flow_part(&self, [begin, end]: [f64; 2]) -> f64 {
+    pub(crate) fn flow_fraction(&self, [begin, end]: [f64; 2]) -> f64 {
         let Some([from, until]) = self.flow_pulse else { return 1.0 };
         // An interval below the rounding of its ends has no length.
         if end <= begin {
@@ -221,8 +221,8 @@ impl Model {
         ((end.min(until) - begin.max(from)) / (end - begin)).clamp(0.0, 1.0)
     }
 
-    pub(crate) fn flow_part_of_step(&self, step: u32) -> f64 {
-        self.flow_part([0.0, 1.0].map(|later| (f64::from(step) + later) * self.time_step))
+    pub(crate) fn flow_fraction_of_step(&self, step: u32) -> f64 {
+        self.flow_fraction([0.0, 1.0].map(|later| (f64::from(step) + later) * self.time_step))
     }
 
     /// Returns the flow velocity at a point, in µm/s.
@@ -231,8 +231,8 @@ impl Model {
             (Some(Flow::Plug(velocity)), _) => *velocity,
             (Some(Flow::Field(field)), _) => field.at(self.boundary.confine(point)),
             (Some(Flow::Poiseuille { mean }), Some(vessel)) => {
-                let part = (vessel.distance(point) / f64::from(vessel.radius)).min(1.0);
-                let speed = 2.0 * mean * (1.0 - part * part);
+                let radius_fraction = (vessel.distance(point) / f64::from(vessel.radius)).min(1.0);
+                let speed = 2.0 * mean * (1.0 - radius_fraction * radius_fraction);
                 std::array::from_fn(|k| if Some(k) == vessel.along { speed } else { 0.0 })
             }
             _ => [0.0; 3],
@@ -284,7 +284,7 @@ impl Model {
     }
 
     /// Returns the first species' share of a displacement, in proportion to diffusion.
-    pub(crate) fn share(&self, [a, b]: [u32; 2]) -> f32 {
+    pub(crate) fn displacement_fraction(&self, [a, b]: [u32; 2]) -> f32 {
         let [a, b] = [a, b].map(|species| self.species[species as usize].diffusion);
         if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }
     }

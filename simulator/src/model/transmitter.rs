@@ -127,8 +127,8 @@ impl Transmitter {
 
     /// Refuses places beyond the numbers of `f32`.
     pub(crate) fn point_beyond_range(&self) -> Option<String> {
-        let reach = self.shape.reach();
-        let farthest = |k: usize| f64::from(self.center[k].abs()) + reach[k];
+        let half_extent = self.shape.half_extent();
+        let farthest = |k: usize| f64::from(self.center[k].abs()) + half_extent[k];
         let farthest = [0, 1, 2].map(farthest).into_iter().fold(0.0, f64::max);
         (farthest > f64::from(f32::MAX)).then(|| {
             format!(
@@ -168,12 +168,12 @@ const LARGEST_NORMAL: f64 = 6.0;
 
 impl Shape {
     /// Bounds the distance of released particles from the center along each axis, in µm.
-    pub(crate) fn reach(self) -> [f64; 3] {
+    pub(crate) fn half_extent(self) -> [f64; 3] {
         match self {
             Self::Point => [0.0; 3],
             Self::Gaussian(width) => [LARGEST_NORMAL * f64::from(width); 3],
             Self::Shell(_, outer) => [outer.into(); 3],
-            Self::Box(edges) | Self::Lattice(edges, _) => edges.map(|edge| 0.5 * f64::from(edge)),
+            Self::Box(sides) | Self::Lattice(sides, _) => sides.map(|side| 0.5 * f64::from(side)),
             Self::Cylinder(along, radius, length) => {
                 let half = 0.5 * f64::from(length);
                 std::array::from_fn(|k| if k == along { half } else { radius.into() })
@@ -204,7 +204,7 @@ impl Shape {
                 let direction = gaussian::direction(words[1], words[2]);
                 boundary.direction_within(direction).map(|c| c * radius as f32)
             }
-            Self::Box(edges) => std::array::from_fn(|k| (open_unit(words[k]) - 0.5) * edges[k]),
+            Self::Box(sides) => std::array::from_fn(|k| (open_unit(words[k]) - 0.5) * sides[k]),
             Self::Cylinder(along, radius, length) => {
                 let distance = radius * open_unit(words[0]).sqrt();
                 let [cosine, sine] = gaussian::cos_sin(words[1]);
@@ -214,10 +214,10 @@ impl Shape {
                 offset[(along + 2) % 3] = distance * sine;
                 offset
             }
-            Self::Lattice(edges, [nx, ny, nz]) => {
+            Self::Lattice(sides, [nx, ny, nz]) => {
                 let at = [site % nx, site / nx % ny, site / nx / ny % nz];
                 let count = [nx, ny, nz];
-                std::array::from_fn(|k| ((at[k] as f32 + 0.5) / count[k] as f32 - 0.5) * edges[k])
+                std::array::from_fn(|k| ((at[k] as f32 + 0.5) / count[k] as f32 - 0.5) * sides[k])
             }
         }
     }

@@ -140,16 +140,16 @@ impl Vessel {
         let begin = from.map(f64::from);
         let whole: [f64; 3] = std::array::from_fn(|k| f64::from(to[k]) - begin[k]);
         let center = self.center.map(f64::from);
-        let point = |part: f64, offset: [f64; 3]| -> [f64; 3] {
+        let point = |fraction: f64, offset: [f64; 3]| -> [f64; 3] {
             std::array::from_fn(|k| match self.along {
-                Some(along) if k == along => begin[k] + part * whole[k],
+                Some(along) if k == along => begin[k] + fraction * whole[k],
                 _ => center[k] + offset[k],
             })
         };
-        let (mut corners, mut gone) = (vec![(0.0, begin)], 0.0);
-        let end = self.follow(self.offset(begin), self.across(whole), |at, _, part| {
-            gone += (1.0 - gone) * part;
-            corners.push((gone, point(gone, at)));
+        let (mut corners, mut traveled) = (vec![(0.0, begin)], 0.0);
+        let end = self.follow(self.offset(begin), self.across(whole), |at, _, fraction| {
+            traveled += (1.0 - traveled) * fraction;
+            corners.push((traveled, point(traveled, at)));
         });
         corners.push((1.0, point(1.0, end)));
         corners

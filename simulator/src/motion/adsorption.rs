@@ -90,7 +90,7 @@ impl Step {
     }
 
     /// Returns [`volume`](Self::volume) divided by κ·4πR²Δt, or 0 without reactivity.
-    pub(crate) fn effective_part(&self) -> f64 {
+    pub(crate) fn effective_fraction(&self) -> f64 {
         match self.own > 0.0 {
             true => self.volume() / (4.0 * PI * self.radius.powi(2) * self.own * self.length),
             false => 0.0,
@@ -205,7 +205,7 @@ mod tests {
         }
         let step = Step::new(0.01, 0.1, (1.0, 1e-6));
         assert!((step.volume() / (4.0 * PI * 1e-7) - 1.0).abs() < 1e-5);
-        assert!((step.effective_part() - 1.0).abs() < 1e-5);
+        assert!((step.effective_fraction() - 1.0).abs() < 1e-5);
     }
 
     #[test]

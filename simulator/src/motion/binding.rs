@@ -71,7 +71,7 @@ pub(crate) fn leaving(
             free[index as usize].saturating_add(u32::from(index == held.receptor))
         };
         let desorption = desorption(model, receiver, held.species, free_of);
-        let probability = own.unbinding_rate * model.time_step * desorption.effective_part();
+        let probability = own.unbinding_rate * model.time_step * desorption.effective_fraction();
         let mut draws = Draws::new(key, held.id, step, Purpose::Unbinding);
         (draws.unit() < probability)
             .then(|| UnboundParticle { at, height: desorption.height_after(&mut draws) as f32 })

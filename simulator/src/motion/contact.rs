@@ -144,9 +144,9 @@ impl Contacts {
             self.boundary.direction_within(direction(first, second)).map(f64::from)
         };
         let [da, db] = [i, j].map(|at| self.diffusion[particles.species[at] as usize]);
-        let share = if da + db > 0.0 { da / (da + db) } else { 0.5 };
+        let fraction = if da + db > 0.0 { da / (da + db) } else { 0.5 };
         let units = |by: f64| normal.map(|c| (by * c / self.quantum).round() as i64);
-        Some([(a, units(-share * overlap)), (b, units((1.0 - share) * overlap))])
+        Some([(a, units(-fraction * overlap)), (b, units((1.0 - fraction) * overlap))])
     }
 }
 

@@ -54,7 +54,7 @@ pub struct Hit {
     /// Beginning of the segment, as a fraction of the step.
     begin: f32,
     /// Fraction of the step; 0 if the hit is at `begin`.
-    part: f32,
+    duration: f32,
     /// In √(2DΔt) of the segment, negative inside.
     heights: [f32; 2],
 }
@@ -89,7 +89,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         number: 1,
         ends: [path.before, path.end],
         begin: 0.0,
-        part: 1.0,
+        duration: 1.0,
         spread: (2.0 * diffusion).sqrt(),
         drift: length(drift),
     };
@@ -168,7 +168,7 @@ impl DrawContext {
 
 impl Hit {
     pub(crate) fn at(time: f32) -> Self {
-        Self { begin: time, part: 0.0, heights: [0.0; 2] }
+        Self { begin: time, duration: 0.0, heights: [0.0; 2] }
     }
 
     pub(crate) fn between([a, b]: [f32; 2], diffusion: f32) -> Self {
@@ -176,7 +176,7 @@ impl Hit {
             return Self::at((a / (a - b)).min(1.0));
         }
         let spread = (2.0 * diffusion).sqrt();
-        Self { begin: 0.0, part: 1.0, heights: [a, b].map(|height| height / spread) }
+        Self { begin: 0.0, duration: 1.0, heights: [a, b].map(|height| height / spread) }
     }
 
     /// Draws the time of the hit, as a fraction of the step.
@@ -185,12 +185,12 @@ impl Hit {
     /// density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation (Michael, Schucany and Haas, *Generating
     /// random variates using transformations with multiple roots*, The American Statistician 30 (1976) 88).
     pub(crate) fn time(&self, who: DrawContext, receiver: u32) -> f32 {
-        let Self { begin, part, heights: [a, b] } = *self;
-        if part == 0.0 {
+        let Self { begin, duration, heights: [a, b] } = *self;
+        if duration == 0.0 {
             return begin;
         }
         let words = who.draw(receiver, Purpose::HitTime);
-        begin + part * first_passage([a, b], normals(words)[0], open_unit(words[2]))
+        begin + duration * first_passage([a, b], normals(words)[0], open_unit(words[2]))
     }
 }
 
@@ -221,7 +221,7 @@ struct PathSegment {
     number: u32,
     ends: [[f32; 3]; 2],
     begin: f32,
-    part: f32,
+    duration: f32,
     spread: f32,
     drift: f32,
 }
@@ -229,14 +229,14 @@ struct PathSegment {
 impl PathSegment {
     /// Returns a piece of a whole path between two corners.
     fn piece(&self, [(begin, from), (end, to)]: [(f64, [f64; 3]); 2]) -> Self {
-        let part = (end - begin) as f32;
+        let duration = (end - begin) as f32;
         Self {
             number: 1,
             ends: [from, to].map(|end| end.map(|c| c as f32)),
             begin: begin as f32,
-            part,
-            spread: self.spread * part.sqrt(),
-            drift: self.drift * part,
+            duration,
+            spread: self.spread * duration.sqrt(),
+            drift: self.drift * duration,
         }
     }
 }
@@ -248,24 +248,25 @@ impl BrownianBridge<'_> {
     }
 
     fn hits(&self, segment: PathSegment) -> Option<Hit> {
-        let PathSegment { number, ends: [p, q], begin, part, spread, drift } = segment;
+        let PathSegment { number, ends: [p, q], begin, duration, spread, drift } = segment;
         let middle: [f32; 3] = std::array::from_fn(|k| p[k] + 0.5 * (q[k] - p[k]));
-        let half = 0.5 * length(std::array::from_fn(|k| q[k] - p[k] - part * self.receiver.displacement[k]));
-        let half_time = begin + 0.5 * part;
+        let half =
+            0.5 * length(std::array::from_fn(|k| q[k] - p[k] - duration * self.receiver.displacement[k]));
+        let half_time = begin + 0.5 * duration;
         if self.height(middle, half_time) > half + BEND * spread {
             return None;
         }
         let radius = self.receiver.receiver.radius;
         if number >= LAST || !is_long(drift, spread, radius) {
             let ends = [p, q].map(|end| self.domain.confine(end));
-            let heights = self.receiver.heights(self.domain, ends, [begin, begin + part]);
+            let heights = self.receiver.heights(self.domain, ends, [begin, begin + duration]);
             let hit = self.who.hits_sphere(
                 [self.receiver.index, self.first + number - 1],
                 image_radius(self.receiver),
                 heights,
                 0.5 * spread * spread,
             );
-            return hit.map(|hit| Hit { begin, part, ..hit });
+            return hit.map(|hit| Hit { begin, duration, ..hit });
         }
         let z = normals(self.who.draw(self.first + number, Purpose::Path));
         let middle = std::array::from_fn(|k| middle[k] + 0.5 * spread * z[k]);
@@ -273,7 +274,7 @@ impl BrownianBridge<'_> {
             number,
             ends,
             begin,
-            part: 0.5 * part,
+            duration: 0.5 * duration,
             spread: spread * std::f32::consts::FRAC_1_SQRT_2,
             drift: 0.5 * drift,
         };
@@ -290,11 +291,12 @@ pub(crate) fn length(v: [f32; 3]) -> f32 {
 const CUTS: usize = 1000;
 
 fn path_line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
-    let line = Line { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, part: 1.0 };
+    let line =
+        Line { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, duration: 1.0 };
     let Some(corners) = corners(domain, path, path.free) else { return line_hit(body, domain, line) };
     corners.windows(2).find_map(|ends| {
         let &[(begin, from), (end, to)] = ends else { return None };
-        line_hit(body, domain, Line { ends: [from, to], begin, part: end - begin })
+        line_hit(body, domain, Line { ends: [from, to], begin, duration: end - begin })
     })
 }
 
@@ -302,12 +304,12 @@ fn path_line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option
 struct Line {
     ends: [[f64; 3]; 2],
     begin: f64,
-    part: f64,
+    duration: f64,
 }
 
 /// Cuts the line at plane walls and at changes of the receiver's nearest image.
 fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> {
-    let Line { ends: [from, to], begin, part: of_step } = line;
+    let Line { ends: [from, to], begin, duration: of_step } = line;
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let radius = f64::from(body.receiver.radius);
     let center = body.center_at(begin as f32);
@@ -342,16 +344,16 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> 
     cuts.retain(|t| (0.0..=1.0).contains(t));
     cuts.sort_unstable_by(f64::total_cmp);
     cuts.windows(2).find_map(|cut| {
-        let (middle, part) = (0.5 * (cut[0] + cut[1]), cut[1] - cut[0]);
+        let (middle, duration) = (0.5 * (cut[0] + cut[1]), cut[1] - cut[0]);
         let point: [f32; 3] = std::array::from_fn(|k| (from[k] + middle * way[k]) as f32);
         let way: [f64; 3] = std::array::from_fn(|k| {
-            let own = if domain.axes[k].turns(point[k]) { -part * way[k] } else { part * way[k] };
-            own - part * displacement[k]
+            let own = if domain.axes[k].turns(point[k]) { -duration * way[k] } else { duration * way[k] };
+            own - duration * displacement[k]
         });
         let center = body.center_at((begin + of_step * middle) as f32);
         let middle = domain.displacement(center, domain.confine(point)).map(f64::from);
         let time = entry_time(std::array::from_fn(|k| middle[k] - 0.5 * way[k]), way, radius)?;
-        Some(hit_at(cut[0] + part * time))
+        Some(hit_at(cut[0] + duration * time))
     })
 }
 

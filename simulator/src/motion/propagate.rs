@@ -59,7 +59,7 @@ impl Propagator {
         if model.flow_pulse.is_none() {
             return;
         }
-        let time = StepTime::new(model, model.flow_part_of_step(step));
+        let time = StepTime::new(model, model.flow_fraction_of_step(step));
         for (species, step) in self.steps.iter_mut().enumerate() {
             step.drift = StepDrift::new(model, species, time);
         }
@@ -170,7 +170,7 @@ impl Propagator {
                         who: now.of_particle(id),
                         path,
                         free_end: flight.free_end,
-                        gone: 0.0,
+                        path_length: 0.0,
                         turns: None,
                         velocity: own,
                     };
@@ -179,7 +179,9 @@ impl Propagator {
                     }
                     match receiver_search {
                         None => self.resolve_events(&mut moved, self.surfaces.bodies.all.iter(), &mut events),
-                        Some(receiver_search) if receiver_search.is_clear(index, &self.reach(&moved)) => {
+                        Some(receiver_search)
+                            if receiver_search.is_clear(index, &self.step_bounds(&moved)) =>
+                        {
                             self.absorb_or_decay(&moved, &mut events);
                         }
                         Some(_) => unsure.push(moved),
@@ -196,7 +198,7 @@ impl Propagator {
     }
 
     #[inline(always)]
-    fn reach(&self, moved: &ParticleMove) -> StepBounds {
+    fn step_bounds(&self, moved: &ParticleMove) -> StepBounds {
         StepBounds::new(&moved.path, self.more(moved))
     }
 
@@ -280,20 +282,20 @@ impl Propagator {
         if unsure.is_empty() {
             return Ok(Vec::new());
         }
-        let around_beginning = |moved: &ParticleMove| self.reach(moved).around_beginning();
+        let around_beginning = |moved: &ParticleMove| self.step_bounds(moved).around_beginning();
         let begins = unsure.iter().map(|moved| (moved.path.before, around_beginning(moved)));
         let failed = |source| Error::Step { step, source };
         let found = receiver_search.find(begins, &self.surfaces.bodies).map_err(failed)?;
         let resolve = |(k, moved): (usize, &mut ParticleMove)| {
             let (mut events, begun) = (Vec::new(), *moved);
-            let reach = around_beginning(moved);
-            let (near, ball) = found.of(k, reach, (&self.surfaces.bodies, &self.whole));
+            let search_radius = around_beginning(moved);
+            let (near, ball) = found.of(k, search_radius, (&self.surfaces.bodies, &self.whole));
             self.resolve_events(
                 moved,
                 near.iter().map(|&k| &self.surfaces.bodies.all[k as usize]),
                 &mut events,
             );
-            if self.more(moved) + moved.gone > reach * (1.0 + ROUNDED) {
+            if self.more(moved) + moved.path_length > search_radius * (1.0 + ROUNDED) {
                 *moved = begun;
                 events.clear();
                 self.resolve_events(moved, self.surfaces.bodies.all.iter(), &mut events);

@@ -119,11 +119,11 @@ impl ReceiverSearch {
     }
 
     #[inline(always)]
-    pub(crate) fn is_clear(&self, index: usize, reach: &StepBounds) -> bool {
+    pub(crate) fn is_clear(&self, index: usize, bounds: &StepBounds) -> bool {
         let [x, y, z, radius] = self.clear_spheres[index];
-        let d = [reach.middle[0] - x, reach.middle[1] - y, reach.middle[2] - z];
+        let d = [bounds.middle[0] - x, bounds.middle[1] - y, bounds.middle[2] - z];
         let distance = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-        distance + reach.half + reach.more <= radius - self.traveled
+        distance + bounds.half + bounds.more <= radius - self.traveled
     }
 
     /// Returns the receivers near each particle, in the order of the model. `particles` are beginnings of paths, and
@@ -135,8 +135,8 @@ impl ReceiverSearch {
     ) -> Result<Found<'a>, lazygrid::Error> {
         let Self { detector, traveled, factor, queries, receivers, clear_spheres, cost, .. } = self;
         queries.clear();
-        queries.extend(particles.map(|(before, reach)| {
-            let radius = *factor * reach + 1e-3 * bodies.largest;
+        queries.extend(particles.map(|(before, path_length)| {
+            let radius = *factor * path_length + 1e-3 * bodies.largest;
             Sphere::new(before, radius + slack(before, radius, bodies, *traveled))
         }));
         let near = detector.neighbors((&*queries, &*receivers))?;
@@ -190,7 +190,7 @@ impl Found<'_> {
     pub(crate) fn of(
         &self,
         k: usize,
-        reach: f32,
+        max_gap: f32,
         (bodies, boundary): (&ActiveReceivers, &Boundary),
     ) -> (Vec<u32>, [f32; 4]) {
         let Sphere { center, radius } = self.queries[k];
@@ -204,7 +204,7 @@ impl Found<'_> {
                 crate::model::receiver::signed_distance(body.receiver.radius, body.center, boundary, before)
                     - slack;
             clear = clear.min(gap);
-            if gap <= reach {
+            if gap <= max_gap {
                 candidates.push(other);
             }
         }

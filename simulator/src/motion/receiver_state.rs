@@ -50,10 +50,10 @@ impl ReceiverState {
         }
     }
 
-    /// Returns the center after the fraction `part` of the step, not wrapped, in µm.
+    /// Returns the center after a `fraction` of the step, not wrapped, in µm.
     #[inline(always)]
-    pub fn center_at(&self, part: f32) -> [f32; 3] {
-        std::array::from_fn(|k| self.center[k] + part * self.displacement[k])
+    pub fn center_at(&self, fraction: f32) -> [f32; 3] {
+        std::array::from_fn(|k| self.center[k] + fraction * self.displacement[k])
     }
 
     /// Returns the radius of a sphere of equal curvature: the drift of the distance, 2D/r, is D/r on a disk and 0 on a
@@ -66,21 +66,21 @@ impl ReceiverState {
         }
     }
 
-    /// Returns the heights of a path's ends, negative inside, at the fractions `parts` of the step. In one dimension, a
-    /// second end on the other side of the segment is negative too.
+    /// Returns the heights of a path's ends, negative inside, at two fractions of the step. In one dimension, a second
+    /// end on the other side of the segment is negative too.
     #[inline(always)]
-    pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> [f32; 2] {
+    pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], fractions: [f32; 2]) -> [f32; 2] {
         let radius = self.receiver.radius;
-        let height = |k: usize| signed_distance(radius, self.center_at(parts[k]), domain, ends[k]);
-        match self.dimensions == 1 && self.is_passed(domain, ends, parts) {
+        let height = |k: usize| signed_distance(radius, self.center_at(fractions[k]), domain, ends[k]);
+        match self.dimensions == 1 && self.is_passed(domain, ends, fractions) {
             true => [height(0), -height(1) - 2.0 * radius],
             false => [height(0), height(1)],
         }
     }
 
     /// Returns `true` if the ends of a path in one dimension are on two sides of the center.
-    fn is_passed(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> bool {
-        let [from, to] = [0, 1].map(|k| domain.displacement(self.center_at(parts[k]), ends[k])[0]);
+    fn is_passed(&self, domain: &Boundary, ends: [[f32; 3]; 2], fractions: [f32; 2]) -> bool {
+        let [from, to] = [0, 1].map(|k| domain.displacement(self.center_at(fractions[k]), ends[k])[0]);
         let period = domain.axes[0].period();
         // Half a period away, the sides change, too.
         let is_opposite = period > 0.0 && 2.0 * (from - to).abs() > period;

@@ -15,7 +15,7 @@ pub(crate) struct ReflectedPath {
     /// First reflecting receiver.
     pub(crate) first: u32,
     /// Length of the path; moving spheres lengthen it.
-    pub(crate) gone: f32,
+    pub(crate) path_length: f32,
     pub(crate) turns: PathTurns,
 }
 
@@ -50,24 +50,24 @@ pub(crate) fn reflect_path(
         f64::from(to) - f64::from(path.before[k])
     });
     let obstacles = obstacles(bodies, domain, path, displacement);
-    let (mut gone, mut length, mut time, mut first) = ([0.0; 3], 0.0, 0.0, None);
-    let at = |gone: [f64; 3]| std::array::from_fn(|k| (f64::from(path.before[k]) + gone[k]) as f32);
+    let (mut traveled, mut length, mut time, mut first) = ([0.0; 3], 0.0, 0.0, None);
+    let at = |traveled: [f64; 3]| std::array::from_fn(|k| (f64::from(path.before[k]) + traveled[k]) as f32);
     for _ in 0..BOUNCES {
         let left = 1.0 - time;
         let meets = |o: &Obstacle<'_>| {
-            Some((o.meeting(gone, time, displacement).filter(|&s| s < left)?, o.body.index))
+            Some((o.meeting(traveled, time, displacement).filter(|&s| s < left)?, o.body.index))
         };
         let next = obstacles.iter().filter_map(|o| Some((meets(o)?, o)));
         let Some(((after, index), obstacle)) = next.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0)) else {
-            gone = std::array::from_fn(|k| gone[k] + left * displacement[k]);
+            traveled = std::array::from_fn(|k| traveled[k] + left * displacement[k]);
             length += left * dot(displacement, displacement).sqrt();
             break;
         };
-        gone = std::array::from_fn(|k| gone[k] + after * displacement[k]);
-        first = first.or(Some((index, at(gone))));
+        traveled = std::array::from_fn(|k| traveled[k] + after * displacement[k]);
+        first = first.or(Some((index, at(traveled))));
         length += after * dot(displacement, displacement).sqrt();
         time += after;
-        let out = obstacle.offset_at(gone, time);
+        let out = obstacle.offset_at(traveled, time);
         let distance = dot(out, out).sqrt();
         let normal = out.map(|c| c / distance);
         displacement = turned(displacement, obstacle.displacement, normal);
@@ -75,10 +75,11 @@ pub(crate) fn reflect_path(
         *velocity = turned(velocity.map(f64::from), drift, normal).map(|c| c as f32);
     }
     let (first, contact) = first?;
-    let end = at(gone);
-    let turns = PathTurns { contact, last: [at(std::array::from_fn(|k| gone[k] - displacement[k])), end] };
+    let end = at(traveled);
+    let turns =
+        PathTurns { contact, last: [at(std::array::from_fn(|k| traveled[k] - displacement[k])), end] };
     let after = outside(bodies, domain, path.before, domain.confine(end));
-    Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32, turns })
+    Some(ReflectedPath { path: Path { end, after, ..*path }, first, path_length: length as f32, turns })
 }
 
 /// Returns each sphere at its images nearest to the beginning and to the end of the path, if these differ.
@@ -108,13 +109,13 @@ fn obstacles<'a>(
 }
 
 impl Obstacle<'_> {
-    fn offset_at(&self, gone: [f64; 3], time: f64) -> [f64; 3] {
-        std::array::from_fn(|k| self.offset[k] + gone[k] - time * self.displacement[k])
+    fn offset_at(&self, traveled: [f64; 3], time: f64) -> [f64; 3] {
+        std::array::from_fn(|k| self.offset[k] + traveled[k] - time * self.displacement[k])
     }
 
     /// Returns the time from `time` to a hit.
-    fn meeting(&self, gone: [f64; 3], time: f64, displacement: [f64; 3]) -> Option<f64> {
-        let from = self.offset_at(gone, time);
+    fn meeting(&self, traveled: [f64; 3], time: f64, displacement: [f64; 3]) -> Option<f64> {
+        let from = self.offset_at(traveled, time);
         let displacement: [f64; 3] = std::array::from_fn(|k| displacement[k] - self.displacement[k]);
         let (a, b) = (dot(displacement, displacement), dot(from, displacement));
         let c = (dot(from, from) - f64::from(self.body.receiver.radius).powi(2)).max(0.0);

@@ -40,15 +40,15 @@ impl RequestCounts {
         };
         let said = |(k, receiver): (usize, &crate::Receiver)| {
             let [all, refused] = of(k);
-            let part = refused as f64 / all as f64;
-            (part > REFUSED && refused >= LEAST).then(|| {
+            let fraction = refused as f64 / all as f64;
+            (fraction > REFUSED && refused >= LEAST).then(|| {
                 format!(
                     "{}: {:.1} % of the requests for its receptors were refused, because other requests of the same step took the \
                      last free receptors, so it binds fewer particles than in equilibrium; with a time-step of about {:.2e} s, \
                      {:.0} % are refused",
                     receiver.name,
-                    100.0 * part,
-                    model.time_step * REFUSED / part,
+                    100.0 * fraction,
+                    model.time_step * REFUSED / fraction,
                     100.0 * REFUSED
                 )
             })
@@ -90,9 +90,9 @@ pub(crate) mod tests {
         };
         let [said] = &warnings(0.004, 4000)[..] else { panic!("no warning") };
         assert!(said.starts_with("rx: ") && said.contains("of the requests for its receptors"), "{said}");
-        let part = said.split(' ').nth(1).and_then(|part| part.parse::<f64>().ok()).unwrap();
+        let fraction = said.split(' ').nth(1).and_then(|fraction| fraction.parse::<f64>().ok()).unwrap();
         // 1 − (1 − exp(−x))/x with x = 0.2, less by the depletion at the surface.
-        assert!((5.0..12.0).contains(&part), "{said}");
+        assert!((5.0..12.0).contains(&fraction), "{said}");
         assert_eq!(warnings(0.0001, 4000), [""; 0]);
     }
 }

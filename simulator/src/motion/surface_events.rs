@@ -71,7 +71,7 @@ pub(crate) struct ParticleMove {
     /// End without walls.
     pub(crate) free_end: [f32; 3],
     /// Length of a path that a receiver reflected, or 0.
-    pub(crate) gone: f32,
+    pub(crate) path_length: f32,
     pub(crate) turns: Option<PathTurns>,
     /// `None` in a model without velocities.
     pub(crate) velocity: Option<[f32; 3]>,
@@ -152,8 +152,8 @@ fn reflect_or_keep<'a>(
     let walls = walls.iter().filter(|wall| wall.sees[species as usize]);
     let aimed = walls.fold(path, |path, wall| wall.aim(domain, path, free_end));
     let reflected = reflect_path(&reflecting, domain, &aimed, &mut velocity);
-    if let Some(ReflectedPath { path, gone, turns, .. }) = reflected {
-        (moved.path, moved.gone, moved.turns) = (path, gone, Some(turns));
+    if let Some(ReflectedPath { path, path_length, turns, .. }) = reflected {
+        (moved.path, moved.path_length, moved.turns) = (path, path_length, Some(turns));
         moved.velocity = moved.velocity.map(|_| velocity.map(|v| v / duration));
     }
     let mut first = FirstHit::default();

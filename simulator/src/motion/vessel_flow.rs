@@ -18,16 +18,16 @@ pub(crate) struct FlowStep {
 pub(crate) struct StepTime {
     pub(crate) duration: f64,
     /// Fraction of the duration in which the flow is on.
-    pub(crate) flow_part: f64,
+    pub(crate) flow_fraction: f64,
 }
 
 impl StepTime {
-    pub(crate) fn new(model: &Model, flow_part: f64) -> Self {
-        Self { duration: model.time_step, flow_part }
+    pub(crate) fn new(model: &Model, flow_fraction: f64) -> Self {
+        Self { duration: model.time_step, flow_fraction }
     }
 
     fn in_flow(&self) -> f64 {
-        self.flow_part * self.duration
+        self.flow_fraction * self.duration
     }
 }
 
@@ -43,7 +43,7 @@ impl StepDrift {
     pub(crate) fn new(model: &Model, species: usize, time: StepTime) -> Self {
         let kind = &model.species[species];
         let plug = match &model.flow {
-            Some(Flow::Plug(velocity)) => velocity.map(|v| time.flow_part * v),
+            Some(Flow::Plug(velocity)) => velocity.map(|v| time.flow_fraction * v),
             _ => [0.0; 3],
         };
         let drift = std::array::from_fn(|k| ((kind.drift[k] + plug[k]) * time.duration) as f32);
@@ -59,7 +59,7 @@ impl StepDrift {
             Some(Flow::Poiseuille { mean }) => mean != 0.0 && model.boundary.along() == Some(k),
             _ => false,
         };
-        let drifts = |k: usize| drift[k] != 0.0 || time.flow_part > 0.0 && flows(k);
+        let drifts = |k: usize| drift[k] != 0.0 || time.flow_fraction > 0.0 && flows(k);
         Self { drift, at_wall: std::array::from_fn(|k| is_exact && drifts(k) && reflects(k)) }
     }
 }
@@ -100,7 +100,7 @@ impl FlowStep {
             Some(Flow::Poiseuille { mean }) => mean,
             _ => 0.0,
         };
-        let fastest = 2.0 * (time.flow_part * mean) * time.duration;
+        let fastest = 2.0 * (time.flow_fraction * mean) * time.duration;
         Some(Self { vessel: model.boundary.vessel?, fastest })
     }
 

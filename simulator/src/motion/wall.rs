@@ -168,11 +168,11 @@ mod tests {
 
     fn free(path: Path, who: DrawContext) -> ParticleMove {
         let free_end = path.end;
-        ParticleMove { at: 0, species: 0, who, path, free_end, gone: 0.0, turns: None, velocity: None }
+        ParticleMove { at: 0, species: 0, who, path, free_end, path_length: 0.0, turns: None, velocity: None }
     }
 
     #[test]
-    fn plane_takes_the_part_of_the_closed_form() {
+    fn plane_takes_the_fraction_of_the_closed_form() {
         // From height a within one step: erfc(a/√(4DΔt)).
         let domain = Boundary::reflecting([-1.0; 3], [50.0; 3]);
         let wall = AbsorbingWall { receiver: 0, sees: vec![true], face: WallFace::Low(1) };
@@ -193,16 +193,16 @@ mod tests {
                 };
                 wall.hit(&domain, &free(path, who(id))).is_some()
             });
-            let part = libm::erfc(f64::from(height) / 2.0_f64.sqrt());
-            let error = (part * (1.0 - part) / f64::from(n)).sqrt();
+            let expected = libm::erfc(f64::from(height) / 2.0_f64.sqrt());
+            let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
             let found = taken.count() as f64 / f64::from(n);
-            assert!((found - part).abs() < 4.0 * error, "{height}: {found} and {part}");
+            assert!((found - expected).abs() < 4.0 * error, "{height}: {found} and {expected}");
         }
     }
 
     /// The survival from the center is 2·Σ (−1)^(n+1)·exp(−n²π²DΔt/R²).
     #[test]
-    fn sphere_takes_the_part_of_the_closed_form_from_inside() {
+    fn sphere_takes_the_fraction_of_the_closed_form_from_inside() {
         let vessel = Some(Vessel { along: None, center: [1.0, 2.0, 3.0], radius: 1.0 });
         let domain = Boundary { vessel, ..Boundary::default() };
         let wall = AbsorbingWall { receiver: 0, sees: vec![true], face: WallFace::Side };
@@ -220,10 +220,10 @@ mod tests {
                 let rate = (f64::from(n) * std::f64::consts::PI).powi(2) * f64::from(diffusion);
                 2.0 * (-rate).exp() * f64::from(1 - 2 * (n % 2))
             };
-            let part = 1.0 + (1..30).map(mode).sum::<f64>();
-            let error = (part * (1.0 - part) / f64::from(n)).sqrt();
+            let expected = 1.0 + (1..30).map(mode).sum::<f64>();
+            let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
             let found = taken.count() as f64 / f64::from(n);
-            assert!((found - part).abs() < 4.0 * error, "{diffusion}: {found} and {part}");
+            assert!((found - expected).abs() < 4.0 * error, "{diffusion}: {found} and {expected}");
         }
     }
 

@@ -120,14 +120,14 @@ fn decay(model: &Model, now: &mut [f64], time: f64) -> f64 {
     for (species, count) in before.into_iter().enumerate() {
         let own = || model.decays.iter().filter(|decay| decay.reactant as usize == species);
         let total: f64 = own().map(|decay| decay.rate).sum();
-        let gone = -count * libm::expm1(-total * time);
-        now[species] -= gone;
+        let decayed = -count * libm::expm1(-total * time);
+        now[species] -= decayed;
         for decay in own().filter(|_| total > 0.0) {
-            let own = gone * decay.rate / total;
+            let product_count = decayed * decay.rate / total;
             for product in decay.products.into_iter().flatten() {
-                now[product as usize] += own;
+                now[product as usize] += product_count;
             }
-            split += if decay.splits() { own } else { 0.0 };
+            split += if decay.splits() { product_count } else { 0.0 };
         }
     }
     split

@@ -183,7 +183,7 @@ fn table_digest(path: &Path) -> io::Result<Digest> {
         if bytes.is_empty() {
             return Ok(digest);
         }
-        bytes.split(|&byte| byte == b'\r').for_each(|part| digest.add(part));
+        bytes.split(|&byte| byte == b'\r').for_each(|line| digest.add(line));
         let read = bytes.len();
         reader.consume(read);
     }

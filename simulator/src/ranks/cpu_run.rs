@@ -45,7 +45,7 @@ impl CpuRun {
         let requests = self.requests(communicator, &moved)?;
         let rejected = self.simulation.requests.reject(requests, &free);
         self.simulation.apply_events(&moved, &rejected);
-        self.share_spared(communicator)?;
+        self.gather_spared(communicator)?;
         let Self { simulation, pair_search, .. } = self;
         let interact = |search: &mut RankPairSearch| search.interact(communicator, simulation);
         let outcomes = pair_search.as_mut().map_or_else(|| Ok(Vec::new()), interact)?;
@@ -84,7 +84,7 @@ impl CpuRun {
     }
 
     /// Adds the spared particles of all ranks, which others hold as ghosts.
-    fn share_spared<C: Communicator>(&mut self, communicator: &mut C) -> Result<(), C::Error> {
+    fn gather_spared<C: Communicator>(&mut self, communicator: &mut C) -> Result<(), C::Error> {
         let Simulation { dissociation, model, spared, .. } = &mut self.simulation;
         if dissociation.is_empty() || model.reactions.is_empty() || !model.forms_dissociating() {
             return Ok(());

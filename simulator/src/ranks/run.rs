@@ -51,7 +51,7 @@ impl Run {
         };
         let mut stops = asks(&mut simulation);
         while !stops && simulation.step_count() < self.scenario.steps {
-            let before = TimeStepMonitor::part_of(simulation.totals());
+            let before = TimeStepMonitor::reaction_totals(simulation.totals());
             let step = simulation.step_count();
             let next = self.steps_to_next(step).min(simulation.steps_at_once());
             let present = simulation.totals().present.iter().sum();
@@ -119,7 +119,7 @@ impl Run {
     ) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
         let own = &self.scenario;
         let path = self.checkpoint_path();
-        let share = RankSlice::new(communicator.rank(), communicator.ranks());
+        let slice = RankSlice::new(communicator.rank(), communicator.ranks());
         let is_first = communicator.rank() == 0;
         let lock = is_first.then(|| self.lock()).transpose();
         let lock = communicator.agree(lock.map_err(|error| communicator.failure(error.to_string())))?;
@@ -127,7 +127,7 @@ impl Run {
             let checkpoint = Checkpoint::read(&path)?;
             self.check_continues(&path, &checkpoint)?;
             let (records, backend) = (checkpoint.files.clone(), checkpoint.backend.clone());
-            Ok((records, backend, checkpoint.into_slice(&path, share)?))
+            Ok((records, backend, checkpoint.into_slice(&path, slice)?))
         };
         let read = read().map_err(|error: Error| communicator.failure(error.to_string()));
         let (records, backend, state) = communicator.agree(read)?;
@@ -186,10 +186,10 @@ impl Run {
         let path = self.checkpoint_path();
         let (rank, ranks) = (simulation.communicator().rank(), simulation.communicator().ranks());
         let written = simulation
-            .part()
-            .and_then(|part| Checkpoint::write_part(&path, self.scenario.seed, rank, ranks, &part));
-        let part = simulation.agree(written)?;
-        let parts = gather(simulation.communicator(), "the records of checkpoints", &[part])?;
+            .rank_state()
+            .and_then(|state| Checkpoint::write_part(&path, self.scenario.seed, rank, ranks, &state));
+        let record = simulation.agree(written)?;
+        let parts = gather(simulation.communicator(), "the records of checkpoints", &[record])?;
         let (backend, state) = (simulation.backend(), simulation.without_particles());
         let write = |files: &mut Files| {
             let mut checkpoint = self.checkpoint(backend, files.sync()?, state);

@@ -68,7 +68,7 @@ impl<C: Communicator> RankSimulation<C> {
         state: State,
     ) -> Result<Self, C::Error> {
         let state = match state.belongs_to(&model) {
-            true => Ok(state.part(&model, communicator.rank() == 0)),
+            true => Ok(state.into_rank_state(&model, communicator.rank() == 0)),
             false => Err(Error::Model("the state is one of another model".to_owned())),
         };
         Self::begin(communicator, model, seed, detector, state)
@@ -125,7 +125,7 @@ impl<C: Communicator> RankSimulation<C> {
     ///
     /// # Errors
     /// [`Error::Detection`] if the device fails.
-    pub fn part(&self) -> Result<Cow<'_, State>, Error> {
+    pub fn rank_state(&self) -> Result<Cow<'_, State>, Error> {
         self.run.view().state()
     }
 
@@ -228,12 +228,13 @@ impl<C: Communicator> RankSimulation<C> {
             received.resize(model.receivers.len(), Vec::new());
         }
         if fields.particles {
-            let part = agree(communicator, own.state())?;
-            let own: Vec<_> =
-                (0..part.particles.len() as u32).map(|at| rows::row(&part.particles, at)).collect();
+            let rank_state = agree(communicator, own.state())?;
+            let own: Vec<_> = (0..rank_state.particles.len() as u32)
+                .map(|at| rows::row(&rank_state.particles, at))
+                .collect();
             let all = gather(communicator, "particles", &own)?;
             state.particles = rows::particles(&all, model.has_velocity());
-            state.bound = gather(communicator, "what is bound", &part.bound)?;
+            state.bound = gather(communicator, "what is bound", &rank_state.bound)?;
         }
         Ok(Gathered { model, totals, received, arrivals, state })
     }

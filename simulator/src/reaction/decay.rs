@@ -62,7 +62,7 @@ impl DissociationTime {
 pub(crate) struct Channel {
     pub(crate) up_to: u32,
     /// Cumulative fraction of the rate.
-    pub(crate) share: f64,
+    pub(crate) cumulative_fraction: f64,
     pub(crate) decay: u32,
     pub(crate) product: Option<u32>,
 }
@@ -219,7 +219,10 @@ impl Decays {
             let kind = &self.kinds[species as usize];
             let [word, when, ..] = words(generation);
             let ratio = fine_unit(word) / -libm::expm1(-kind.rate * left);
-            let Some(channel) = kind.channels.iter().find(|channel| ratio < channel.share) else { return };
+            let Some(channel) = kind.channels.iter().find(|channel| ratio < channel.cumulative_fraction)
+            else {
+                return;
+            };
             let decay = kind.chained(channel, left, when);
             tell(decay);
             let Some(product) = channel.product else { return };
@@ -248,11 +251,11 @@ fn kind(model: &Model, species: u32) -> SpeciesDecays {
     let decays = || model.decays.iter().enumerate().filter(|(_, decay)| own(decay));
     let rate: f64 = decays().map(|(_, decay)| decay.rate).sum();
     let probability = -libm::expm1(-rate * model.time_step);
-    let mut share = 0.0;
+    let mut cumulative_fraction = 0.0;
     let channel = |(index, decay): (usize, &crate::model::Decay)| {
-        share += decay.rate / rate;
-        let up_to = probability_threshold(probability * share)?;
-        Some(Channel { up_to, share, decay: index as u32, product: decay.products[0] })
+        cumulative_fraction += decay.rate / rate;
+        let up_to = probability_threshold(probability * cumulative_fraction)?;
+        Some(Channel { up_to, cumulative_fraction, decay: index as u32, product: decay.products[0] })
     };
     SpeciesDecays { rate, channels: decays().filter_map(channel).collect(), dissociation: None }
 }
@@ -285,7 +288,7 @@ mod tests {
                 before += u32::from(decays.product_dissociates_before(Some(&decay), &order, who));
             });
         }
-        let both = |part: f64| 1.0 - 3.0 * (-2.0 * part).exp() + 2.0 * (-3.0 * part).exp();
+        let both = |fraction: f64| 1.0 - 3.0 * (-2.0 * fraction).exp() + 2.0 * (-3.0 * fraction).exp();
         for (count, p) in [(dissociated, both(1.0)), (before, both(0.5))] {
             let n = f64::from(n);
             let error = (f64::from(count) - n * p) / (n * p * (1.0 - p)).sqrt();

@@ -27,7 +27,7 @@ pub(crate) struct Channel {
     pub(crate) products: [Option<Product>; 2],
     pub(crate) unbinding: Unbinding,
     /// The first product's fraction of the distance.
-    pub(crate) share: f32,
+    pub(crate) first_fraction: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -83,12 +83,12 @@ impl Dissociation {
         };
         let channel = |index: usize| {
             let Decay { products, unbinding, .. } = model.decays[index];
-            let share = match products {
-                [Some(a), Some(b)] => model.share([a, b]),
+            let first_fraction = match products {
+                [Some(a), Some(b)] => model.displacement_fraction([a, b]),
                 _ => 0.0,
             };
             let products = products.map(|species| species.map(product));
-            Channel { decay: index as u32, products, unbinding, share }
+            Channel { decay: index as u32, products, unbinding, first_fraction }
         };
         let of_species = |species: u32| {
             let words = channel_words(model, species).into_iter();
@@ -146,7 +146,7 @@ impl Dissociation {
             (product.species, product.radius, product.domain.confine(to))
         };
         let alone = channel.products[1].is_none();
-        let along = if alone { [0.0; 2] } else { [-channel.share, 1.0 - channel.share] };
+        let along = if alone { [0.0; 2] } else { [-channel.first_fraction, 1.0 - channel.first_fraction] };
         let products = [0, 1].map(|k| channel.products[k].map(|product| placed(product, along[k])));
         Some(Dissociated { at: at as u32, id, decay: channel.decay, products })
     }
@@ -180,8 +180,8 @@ mod tests {
     fn products_separate_by_the_radius_in_proportion_to_diffusion() {
         let n = 10_000;
         let splits = splits(&model(Unbinding::Apart(0.5)), n);
-        for (decay, share) in [(0, 0.75), (1, 0.25)] {
-            let p = (1.0 - (-0.4_f64).exp()) * share;
+        for (decay, fraction) in [(0, 0.75), (1, 0.25)] {
+            let p = (1.0 - (-0.4_f64).exp()) * fraction;
             let count = splits.iter().filter(|split| split.decay == decay).count() as f64;
             assert!((count - f64::from(n) * p).abs() < 4.0 * (f64::from(n) * p).sqrt(), "{decay}: {count}");
         }
@@ -206,7 +206,7 @@ mod tests {
         let both = splits.iter().filter_map(|split| Some((split.products[0]?.2, split.products[1]?.2)));
         let inner: Vec<bool> =
             both.map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f32>() < 0.0625).collect();
-        let share = inner.iter().filter(|inner| **inner).count() as f64 / inner.len() as f64;
-        assert!((share - 0.125).abs() < 4.0 * (0.125 * 0.875 / inner.len() as f64).sqrt(), "{share}");
+        let fraction = inner.iter().filter(|inner| **inner).count() as f64 / inner.len() as f64;
+        assert!((fraction - 0.125).abs() < 4.0 * (0.125 * 0.875 / inner.len() as f64).sqrt(), "{fraction}");
     }
 }

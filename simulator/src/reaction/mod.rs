@@ -27,7 +27,7 @@ pub struct Reactions {
     table: Vec<Vec<ReactionShell>>,
     reactions: Vec<Reaction>,
     /// Indexed by reaction: the first reactant's fraction of the approach, and the first product's of the separation.
-    shares: Vec<[f32; 2]>,
+    first_fractions: Vec<[f32; 2]>,
     boundary: Boundary,
     center_domains: Vec<Boundary>,
     dissociation: Vec<Option<DissociationTime>>,
@@ -91,7 +91,11 @@ impl Reactions {
             rows,
             table,
             reactions: model.reactions.clone(),
-            shares: model.reactions.iter().map(|reaction| shares(model, reaction)).collect(),
+            first_fractions: model
+                .reactions
+                .iter()
+                .map(|reaction| first_fractions(model, reaction))
+                .collect(),
             boundary: model.boundary,
             center_domains: model.center_domains(),
             dissociation: (0..model.species.len() as u32)
@@ -125,8 +129,8 @@ impl Reactions {
         let reaction = &self.reactions[candidate.rule as usize];
         let [a, b] = candidate.at.map(|at| particles.position_of(at as usize));
         let toward = self.boundary.displacement(a, b);
-        let [share, first_share] = self.shares[candidate.rule as usize];
-        let meeting: [f32; 3] = std::array::from_fn(|k| a[k] + share * toward[k]);
+        let [approach_fraction, separation_fraction] = self.first_fractions[candidate.rule as usize];
+        let meeting: [f32; 3] = std::array::from_fn(|k| a[k] + approach_fraction * toward[k]);
         let has_catalyst = candidate.consumes.contains(&false);
         let separates = reaction.separates();
         let apart = match separates {
@@ -147,7 +151,7 @@ impl Reactions {
             let outcome = ReactantChange { at: candidate.at[k], product: reaction.products[k], position };
             candidate.consumes[k].then_some(outcome)
         };
-        [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
+        [outcome(0, -separation_fraction), outcome(1, 1.0 - separation_fraction)]
     }
 
     /// Returns the changes before any is applied: a catalyst may take part in several reactions.
@@ -166,8 +170,8 @@ impl Reactions {
     }
 
     #[cfg(feature = "gpu")]
-    pub(crate) fn shares_of(&self, reaction: u32) -> [f32; 2] {
-        self.shares[reaction as usize]
+    pub(crate) fn first_fractions_of(&self, reaction: u32) -> [f32; 2] {
+        self.first_fractions[reaction as usize]
     }
 }
 
@@ -206,15 +210,15 @@ fn draws_order(reaction: &Reaction) -> bool {
     a == b && c != d
 }
 
-fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
+fn first_fractions(model: &Model, reaction: &Reaction) -> [f32; 2] {
     let consumes = consumes(reaction);
     let together = match consumes {
-        [true, true] => model.share(reaction.reactants),
+        [true, true] => model.displacement_fraction(reaction.reactants),
         [true, false] => 1.0,
         _ => 0.0,
     };
     let apart = match (consumes, reaction.products) {
-        ([true, true], [Some(c), Some(d)]) => model.share([c, d]),
+        ([true, true], [Some(c), Some(d)]) => model.displacement_fraction([c, d]),
         ([true, false], _) => 1.0,
         _ => 0.0,
     };

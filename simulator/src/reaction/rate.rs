@@ -257,10 +257,10 @@ mod tests {
         for k in 0..=28 {
             let b = 10_f64.powf(-8.0 + 0.25 * f64::from(k));
             let missing = 4.0 / 3.0 * pi * b.powi(3) * ZETA / (2.0 * pi).powf(1.5);
-            let part = 1.5 * absorbed(1.0 / b) / (b * b);
+            let absorbed_fraction = 1.5 * absorbed(1.0 / b) / (b * b);
             assert!(
-                (part - (1.0 - missing)).abs() < 1e-11 + missing * b * b + missing * missing,
-                "{b}: {part}"
+                (absorbed_fraction - (1.0 - missing)).abs() < 1e-11 + missing * b * b + missing * missing,
+                "{b}: {absorbed_fraction}"
             );
             // A pair that dissociates to the center fills the hole.
             let exchanged = 0.75 / pi * regained(b, 0.0) / b.powi(3);

@@ -109,7 +109,7 @@ fn pair_takes_one_channel_within_its_radius() {
     let table = interactions(&model).unwrap().unwrap();
     assert_eq!(table.get(0, 1), Interaction::Within(1.5));
     let n = 20_000;
-    let shares = |model: &Model| {
+    let fractions = |model: &Model| {
         let (reactions, particles) = (Reactions::new(model), two());
         let mut counts = [0; 3];
         for step in 0..n {
@@ -123,9 +123,9 @@ fn pair_takes_one_channel_within_its_radius() {
             assert!((found - p).abs() <= 4.0 * (p * (1.0 - p) / f64::from(n)).sqrt(), "{found} and not {p}");
         }
     };
-    is(shares(&model), [0.2, 0.0, 0.3]);
+    is(fractions(&model), [0.2, 0.0, 0.3]);
     model.reactions[1].binding_radius = 1.1;
-    is(shares(&model), [0.2, 0.5, 0.3]);
+    is(fractions(&model), [0.2, 0.5, 0.3]);
 }
 
 #[test]
@@ -143,8 +143,8 @@ fn particles_that_dissociate_do_not_react() {
             assert_eq!(sample(&reactions, &particles, step).len() + splits.len(), 1);
             dissociated += splits.len();
         }
-        let share = dissociated as f64 / f64::from(n);
-        assert!((share - (1.0 - (-0.5_f64).exp())).abs() < 0.05, "{share}");
+        let fraction = dissociated as f64 / f64::from(n);
+        assert!((fraction - (1.0 - (-0.5_f64).exp())).abs() < 0.05, "{fraction}");
     }
 }
 

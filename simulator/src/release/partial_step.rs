@@ -35,7 +35,7 @@ struct PartialStep<'a> {
     constants: SpeciesStep,
     paths: FreePaths,
     /// Fraction of the time step.
-    part: f32,
+    step_fraction: f32,
 }
 
 #[derive(Clone, Debug)]
@@ -116,7 +116,7 @@ impl Model {
         if let Some(carrier) = batch.from.carrier.and_then(|carrier| at.receiver_moves.get(carrier as usize))
         {
             // The transmitter was elsewhere at the time of release.
-            position = std::array::from_fn(|k| position[k] - step.part * carrier.displacement[k]);
+            position = std::array::from_fn(|k| position[k] - step.step_fraction * carrier.displacement[k]);
         }
         let before = step.constants.domain.confine(position);
         let normal = gaussian::normals(at.key.draw(id, 1, 0, Purpose::PartialStep));
@@ -125,7 +125,7 @@ impl Model {
         let (path, free_end) = step.paths.path(&step.constants, [before, normal], own, who);
         let velocity = self.has_velocity().then_some(velocity);
         let mut moved =
-            ParticleMove { at: 0, species, who, path, free_end, gone: 0.0, turns: None, velocity };
+            ParticleMove { at: 0, species, who, path, free_end, path_length: 0.0, turns: None, velocity };
         if step.surfaces.has_membranes() {
             step.all_surfaces().hold_back(&mut moved);
         }
@@ -198,10 +198,12 @@ impl Fate {
 impl<'a> PartialStep<'a> {
     fn new(model: &Model, batch: &Batch<'_>, (species, age): (u32, f64), at: ReleaseStep<'a>) -> Self {
         let (surfaces, receiver_moves) = (&at.events.surfaces, at.receiver_moves);
-        let time = StepTime { duration: age, flow_part: model.flow_part([batch.now - age, batch.now]) };
-        let part = (age / model.time_step) as f32;
-        let constants = SpeciesStep::new(model, species as usize, time, part * surfaces.bodies.diffusion);
-        Self { surfaces, receiver_moves, constants, paths: FreePaths::new(model, time), part }
+        let time =
+            StepTime { duration: age, flow_fraction: model.flow_fraction([batch.now - age, batch.now]) };
+        let step_fraction = (age / model.time_step) as f32;
+        let constants =
+            SpeciesStep::new(model, species as usize, time, step_fraction * surfaces.bodies.diffusion);
+        Self { surfaces, receiver_moves, constants, paths: FreePaths::new(model, time), step_fraction }
     }
 
     fn all_surfaces(&self) -> SpeciesSurfaces<'_> {
@@ -211,7 +213,7 @@ impl<'a> PartialStep<'a> {
     fn advance(&self, moved: &mut ParticleMove, near: &[&ReceiverState], reach: f32) -> Option<Capture> {
         let (begun, length) = (*moved, moved.length());
         let mut capture = self.resolve(moved, near.iter().copied(), reach);
-        if moved.gone > length * (1.0 + ROUNDED) {
+        if moved.path_length > length * (1.0 + ROUNDED) {
             *moved = begun;
             capture = self.resolve(moved, self.surfaces.bodies.all.iter(), f32::INFINITY);
         }
@@ -227,7 +229,7 @@ impl<'a> PartialStep<'a> {
         let before = moved.path.before;
         let near = bodies.filter_map(|body| {
             let receiver_move = self.receiver_moves[body.index as usize];
-            let displacement = receiver_move.displacement.map(|w| self.part * w);
+            let displacement = receiver_move.displacement.map(|w| self.step_fraction * w);
             let center = std::array::from_fn(|k| receiver_move.center[k] - displacement[k]);
             let radius = body.receiver.radius;
             let height = signed_distance(radius, center, &self.constants.domain, before);
@@ -235,8 +237,8 @@ impl<'a> PartialStep<'a> {
             (height <= reach + length(displacement) + slack).then(|| ReceiverState {
                 center,
                 displacement,
-                drift: body.drift.map(|w| self.part * w),
-                diffusion: self.part * body.diffusion,
+                drift: body.drift.map(|w| self.step_fraction * w),
+                diffusion: self.step_fraction * body.diffusion,
                 ..body.clone()
             })
         });

@@ -41,14 +41,14 @@ mod tests {
     fn slices_partition_a_list_evenly() {
         for ranks in [1, 2, 3, 8] {
             for (length, turn) in [0, 1, 7, 8, 1000, u64::MAX].into_iter().flat_map(|n| [(n, 0), (n, 5)]) {
-                let shares = (0..ranks).map(|rank| RankSlice::new(rank, ranks).of(length, turn));
+                let slices = (0..ranks).map(|rank| RankSlice::new(rank, ranks).of(length, turn));
                 let mut next = 0;
-                for share in shares {
+                for slice in slices {
                     assert!(
-                        share.start == next
-                            && (share.end - share.start).abs_diff(length / u64::from(ranks)) <= 1
+                        slice.start == next
+                            && (slice.end - slice.start).abs_diff(length / u64::from(ranks)) <= 1
                     );
-                    next = share.end;
+                    next = slice.end;
                 }
                 assert_eq!(next, length);
             }
@@ -60,8 +60,8 @@ mod tests {
     fn short_lists_in_turn_give_each_rank_equally_many() {
         for (ranks, length) in [(8, 1), (4, 2), (4, 3), (3, 2), (5, 7)] {
             let total = |rank| -> u64 {
-                let parts = (0..ranks).map(|k| RankSlice::new(rank, ranks).of(length, k * length as u32));
-                parts.map(|part| part.end - part.start).sum()
+                let slices = (0..ranks).map(|k| RankSlice::new(rank, ranks).of(length, k * length as u32));
+                slices.map(|slice| slice.end - slice.start).sum()
             };
             assert!((0..ranks).all(|rank| total(rank) == length), "{ranks} {length}");
         }

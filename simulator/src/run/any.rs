@@ -233,13 +233,14 @@ mod tests {
 
     #[test]
     fn gpu_logs_arrivals_of_pairs_that_it_can_name() {
-        let model = |edge: usize| Model {
-            species: vec![Species::default(); edge],
-            receivers: vec![Receiver::default(); edge],
+        let model = |count: usize| Model {
+            species: vec![Species::default(); count],
+            receivers: vec![Receiver::default(); count],
             ..Model::default()
         };
-        let can_log = |edge: usize| {
-            [Backend::Cpu, Backend::Gpu].map(|backend| AnySimulation::can_log_arrivals(&model(edge), backend))
+        let can_log = |count: usize| {
+            [Backend::Cpu, Backend::Gpu]
+                .map(|backend| AnySimulation::can_log_arrivals(&model(count), backend))
         };
         // The squares are 8,386,816 and 8,392,609.
         assert_eq!([can_log(2896), can_log(2897)], [[true, true], [true, false]]);

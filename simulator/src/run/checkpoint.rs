@@ -221,7 +221,7 @@ mod tests {
     use crate::{Particle, Totals};
 
     #[test]
-    fn shares_of_parts_are_in_order_and_even() {
+    fn slices_of_parts_are_in_order_and_even() {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("checkpoint");
         let counts = [7, 0, 2, 4];
@@ -251,14 +251,14 @@ mod tests {
         let read = Checkpoint::read(&path).expect("is read");
         assert_eq!(read, checkpoint);
         for ranks in [1, 2, 3, 5] {
-            let shares: Vec<State> = (0..ranks)
+            let slices: Vec<State> = (0..ranks)
                 .map(|rank| read.clone().into_slice(&path, RankSlice::new(rank, ranks)).expect("is read"))
                 .collect();
-            let ids = shares.iter().flat_map(|share| share.particles.id.clone());
+            let ids = slices.iter().flat_map(|slice| slice.particles.id.clone());
             assert!(ids.eq(0..13));
-            assert!(shares.iter().flat_map(|share| &share.bound).map(|bound| bound.id).eq(100..113));
-            let even = |share: &State| share.particles.len().abs_diff(13 / ranks as usize) <= 1;
-            assert!(shares.iter().all(even), "{ranks}");
+            assert!(slices.iter().flat_map(|slice| &slice.bound).map(|bound| bound.id).eq(100..113));
+            let even = |slice: &State| slice.particles.len().abs_diff(13 / ranks as usize) <= 1;
+            assert!(slices.iter().all(even), "{ranks}");
         }
         let idle = part_of(&path, 3, 1);
         let whole = std::fs::read(&idle).expect("is there");

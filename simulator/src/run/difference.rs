@@ -14,11 +14,11 @@ fn value_difference(key: &str, before: &Value, now: &Value) -> Option<String> {
     let within = |name: &str| if key.is_empty() { name.to_owned() } else { format!("{key}.{name}") };
     match (before, now) {
         (Table(before), Table(now)) => {
-            let gone = before.iter().find(|(name, _)| !now.contains_key(*name));
+            let removed = before.iter().find(|(name, _)| !now.contains_key(*name));
             let new = now.iter().find(|(name, _)| !before.contains_key(*name));
             let changed =
                 || before.iter().find_map(|(name, was)| value_difference(&within(name), was, now.get(name)?));
-            match (changed(), gone, new) {
+            match (changed(), removed, new) {
                 (Some(difference), ..) => Some(difference),
                 (None, Some((name, _)), _) => Some(format!("'{}' is missing now", within(name))),
                 (None, None, Some((name, _))) => Some(format!("'{}' is new", within(name))),

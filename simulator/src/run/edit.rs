@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn removed_particles_are_gone_from_totals_and_columns() {
+    fn removed_particles_leave_totals_and_columns() {
         let mut run = simulation();
         run.add(1, &[[0.0; 3]]).expect("a known species");
         assert_eq!(run.remove(&[50, 3, 3, 1000]), 2);

@@ -141,7 +141,8 @@ impl Run {
             end = RunEnd::Stopped;
         }
         while end == RunEnd::Finished && simulation.step_count() < self.scenario.steps {
-            let (step, before) = (simulation.step_count(), TimeStepMonitor::part_of(simulation.totals()));
+            let (step, before) =
+                (simulation.step_count(), TimeStepMonitor::reaction_totals(simulation.totals()));
             let next = self.steps_to_next(step).min(simulation.steps_at_once());
             let present = simulation.totals().present.iter().sum();
             let steps = step..step.saturating_add(next);

@@ -206,7 +206,7 @@ impl Simulation {
 
     /// Applies events, without bindings of the ascending ids `rejected`.
     pub(crate) fn apply_events(&mut self, moved: &Moved, rejected: &[u32]) {
-        let mut gone = Vec::new();
+        let mut removed = Vec::new();
         self.arrivals.clear();
         self.spared.clear();
         for event in &moved.events {
@@ -220,7 +220,7 @@ impl Simulation {
                         let step = self.state.step + 1;
                         self.arrivals.push(Arrival { receiver, species, id, step, origin });
                     }
-                    self.transform(at, None, &mut gone);
+                    self.transform(at, None, &mut removed);
                 }
                 Event::Bound { at, receiver, receptor, direction, .. } => {
                     let Particle { species, id, .. } = self.state.particles.get(at as usize);
@@ -228,7 +228,7 @@ impl Simulation {
                         self.state.totals.arrived[receiver as usize][species as usize] += 1;
                         self.state.totals.occupied[receptor as usize] += 1;
                         self.state.bound.push(Bound { id, species, receiver, receptor, direction });
-                        self.transform(at, None, &mut gone);
+                        self.transform(at, None, &mut removed);
                     }
                 }
                 Event::Decayed { at, decay, product, spared } => {
@@ -236,13 +236,13 @@ impl Simulation {
                         self.spared.push(self.state.particles.id[at as usize]);
                     }
                     self.state.totals.decayed[decay as usize] += 1;
-                    self.transform(at, product, &mut gone);
+                    self.transform(at, product, &mut removed);
                 }
             }
         }
         self.arrivals.sort_unstable_by_key(|arrival| arrival.id);
         self.spared.sort_unstable();
-        self.state.particles.remove(&mut gone);
+        self.state.particles.remove(&mut removed);
         self.let_off(&moved.leaving);
     }
 
@@ -265,13 +265,13 @@ impl Simulation {
         }
     }
 
-    fn transform(&mut self, at: u32, product: Option<u32>, gone: &mut Vec<u32>) {
+    fn transform(&mut self, at: u32, product: Option<u32>, removed: &mut Vec<u32>) {
         let Self { model, key, state, .. } = self;
         let State { particles, totals, step, .. } = state;
         let index = at as usize;
         let from = particles.species[index];
         totals.present[from as usize] -= 1;
-        let Some(species) = product else { return gone.push(at) };
+        let Some(species) = product else { return removed.push(at) };
         totals.present[species as usize] += 1;
         let radius = model.species[species as usize].radius;
         particles.species[index] = species;
@@ -341,23 +341,23 @@ impl Simulation {
                 self.state.origins.enter(id, self.state.origins.of(parent));
             }
         }
-        let mut gone = Vec::new();
+        let mut removed = Vec::new();
         for outcome in outcomes {
             self.state.particles.set_position(outcome.at as usize, outcome.position);
-            self.transform(outcome.at, outcome.product, &mut gone);
+            self.transform(outcome.at, outcome.product, &mut removed);
         }
         let mut born = Vec::new();
         for split in splits {
             self.state.totals.decayed[split.decay as usize] += 1;
             let nth = parents.partition_point(|&parent| parent < split.id) as u32;
             born.extend(self.second_product(split, first_id + nth));
-            self.transform(split.at, split.products[0].map(|(species, ..)| species), &mut gone);
+            self.transform(split.at, split.products[0].map(|(species, ..)| species), &mut removed);
             if let Some((_, _, position)) = split.products[0] {
                 self.state.particles.set_position(split.at as usize, position);
             }
         }
         let State { particles, totals, .. } = &mut self.state;
-        particles.remove(&mut gone);
+        particles.remove(&mut removed);
         for particle in born {
             totals.present[particle.species as usize] += 1;
             particles.push(particle, self.model.has_velocity());

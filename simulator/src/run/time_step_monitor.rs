@@ -19,7 +19,7 @@ pub(crate) struct TimeStepMonitor {
 }
 
 impl TimeStepMonitor {
-    pub(crate) fn part_of(Totals { present, reacted, .. }: &Totals) -> Totals {
+    pub(crate) fn reaction_totals(Totals { present, reacted, .. }: &Totals) -> Totals {
         let [present, reacted] = [present, reacted].map(Clone::clone);
         Totals { present, reacted, ..Totals::default() }
     }
@@ -34,12 +34,12 @@ impl TimeStepMonitor {
             let count = (after.reacted[index] - before.reacted[index]) as f64;
             let [a, b] = reaction.reactants.map(|species| before.present[species as usize] as f64);
             let there = if reaction.reactants[0] == reaction.reactants[1] { a / 2.0 } else { a.min(b) };
-            let part = count / steps.len().max(1) as f64 / there.max(1.0);
+            let fraction = count / steps.len().max(1) as f64 / there.max(1.0);
             let (all, fast, worst) = &mut self.seen[index];
             *all += count;
-            if part > FAST && there > 10.0 {
+            if fraction > FAST && there > 10.0 {
                 *fast += count;
-                *worst = worst.max(part);
+                *worst = worst.max(fraction);
             }
         }
     }

@@ -23,7 +23,7 @@ pub(super) fn with_absolute_path(mut text: String, directory: &Path) -> String {
 }
 
 /// Shares the memory of equal fields.
-pub(super) fn share(model: &mut Model, known: &mut Vec<Arc<FlowField>>) {
+pub(super) fn share_flow_field(model: &mut Model, known: &mut Vec<Arc<FlowField>>) {
     let Some(Flow::Field(field)) = &mut model.flow else { return };
     match known.iter().find(|known| *known == field) {
         Some(known) => *field = known.clone(),

@@ -68,7 +68,7 @@ impl Sweep {
         let text = without_section(text, file.get_ref());
         let Ok(file) = DeTable::parse(&text) else { return Ok(None) };
         let mut known = Vec::new();
-        list_keys(file.get_ref(), "", MAX_PARTS, &mut known);
+        list_keys(file.get_ref(), "", MAX_PATH_PARTS, &mut known);
         let spots = keys.iter().map(|key| spot(key, &known)).collect::<Result<Vec<_>, _>>();
         let spots = spots.and_then(disjoint).map_err(Error::Model)?;
         let points = combinations(&keys).map_err(Error::Model)?;
@@ -81,7 +81,7 @@ impl Sweep {
             let scenario = Scenario::parse_silently(path, text);
             let values: Vec<String> = values.iter().map(|value| plain(value)).collect();
             let mut scenario = scenario.map_err(|source| sweep_point_error(&keys, &values, source))?;
-            flow_file::share(&mut scenario.model, &mut fields);
+            flow_file::share_flow_field(&mut scenario.model, &mut fields);
             for warning in scenario.warnings.iter().filter(|warning| !logged.contains(*warning)) {
                 log::warn!("{}: {warning}", named_values(&keys, &values));
             }
@@ -147,9 +147,9 @@ fn add_section_keys(
 /// Parses `KEY=VALUE,VALUE`. Values that are not TOML are strings.
 fn option_key(option: &str) -> Result<SweptKey, String> {
     let shown = excerpt(option.as_bytes());
-    let parts = option.split_once('=').map(|(path, values)| (path.trim(), values.trim()));
+    let path_and_values = option.split_once('=').map(|(path, values)| (path.trim(), values.trim()));
     let (path, values) =
-        parts.filter(|(path, values)| !path.is_empty() && !values.is_empty()).ok_or_else(|| {
+        path_and_values.filter(|(path, values)| !path.is_empty() && !values.is_empty()).ok_or_else(|| {
             format!("--sweep '{shown}' is not KEY=VALUE,VALUE, as in receiver.rx.center.x=5,10,20")
         })?;
     let list = format!("v = [{values}]");
@@ -180,25 +180,27 @@ struct KnownKey {
 
 /// Parts and bytes of the longest path of a key. Elements of nested arrays have several names each, so the number of
 /// paths is exponential in their parts.
-const MAX_PARTS: usize = 8;
+const MAX_PATH_PARTS: usize = 8;
 const MAX_PATH_BYTES: usize = 1024;
 
-/// Lists all keys of at most `parts` parts. Array elements are named by index, and by name, equation or species, and
+/// Lists all keys of at most `max_parts` parts. Array elements are named by index, and by name, equation or species, and
 /// coordinates also by x, y and z.
-fn list_keys(table: &DeTable<'_>, prefix: &str, parts: usize, known: &mut Vec<KnownKey>) {
+fn list_keys(table: &DeTable<'_>, prefix: &str, max_parts: usize, known: &mut Vec<KnownKey>) {
     for (name, value) in table {
-        list_value(value, format!("{prefix}{}", name.get_ref()), parts, known);
+        list_value(value, format!("{prefix}{}", name.get_ref()), max_parts, known);
     }
 }
 
-fn list_value(value: &Spanned<DeValue<'_>>, path: String, parts: usize, known: &mut Vec<KnownKey>) {
-    let Some(parts) = parts.checked_sub(1).filter(|_| path.len() <= MAX_PATH_BYTES) else { return };
+fn list_value(value: &Spanned<DeValue<'_>>, path: String, max_parts: usize, known: &mut Vec<KnownKey>) {
+    let Some(max_parts) = max_parts.checked_sub(1).filter(|_| path.len() <= MAX_PATH_BYTES) else { return };
     match value.get_ref() {
-        DeValue::Table(table) => return list_keys(table, &format!("{path}."), parts, known),
+        DeValue::Table(table) => return list_keys(table, &format!("{path}."), max_parts, known),
         DeValue::Array(values) => {
             for (index, one) in values.iter().enumerate() {
                 let names = element_names(one.get_ref(), index, values.len());
-                names.into_iter().for_each(|name| list_value(one, format!("{path}.{name}"), parts, known));
+                names
+                    .into_iter()
+                    .for_each(|name| list_value(one, format!("{path}.{name}"), max_parts, known));
             }
             if values.iter().any(|one| matches!(one.get_ref(), DeValue::Table(_))) {
                 return;
@@ -296,7 +298,7 @@ fn without_section(text: &str, file: &DeTable<'_>) -> String {
     let mut after = text.len();
     for (name, value) in file.iter().filter(|(name, _)| name.get_ref() != "sweep") {
         let mut known = Vec::new();
-        list_value(value, name.get_ref().to_string(), MAX_PARTS, &mut known);
+        list_value(value, name.get_ref().to_string(), MAX_PATH_PARTS, &mut known);
         let first = known.iter().map(|known| known.span.start).chain([value.span().start]);
         after = first.filter(|&at| at > start).fold(after, usize::min);
     }

@@ -228,12 +228,12 @@ pub(super) fn released_inside(
     receivers: &[Receiver],
     boundary: &Boundary,
 ) -> Option<String> {
-    let half = |edges: [f32; 3]| 0.5 * edges.iter().map(|edge| edge * edge).sum::<f32>().sqrt();
+    let half = |sides: [f32; 3]| 0.5 * sides.iter().map(|side| side * side).sum::<f32>().sqrt();
     let extent = match transmitter.shape {
         Shape::Point => 0.0,
         Shape::Gaussian(width) => 3.0 * width,
         Shape::Shell(_, radius) => radius,
-        Shape::Box(edges) | Shape::Lattice(edges, _) => half(edges),
+        Shape::Box(sides) | Shape::Lattice(sides, _) => half(sides),
         Shape::Cylinder(_, radius, length) => radius.hypot(0.5 * length),
     };
     let takes = |receiver: &&Receiver| {
@@ -291,12 +291,12 @@ mod tests {
             let [radius, mut diffusion, mut speed] = [radius, diffusion, speed].map(|x| 10_f64.powf(x));
             if still == 0 { diffusion = 0.0 }
             if still == 1 { speed = 0.0 }
-            let edge = (20.0 * radius) as f32;
+            let side = (20.0 * radius) as f32;
             let says = |time_step: f64| many_collisions(&Model {
                 time_step,
                 species: vec![species(radius as f32, diffusion, speed), species(0.0, diffusion, 0.0)],
                 contact: Contact::Separate,
-                boundary: Boundary::periodic([0.0; 3], [edge; 3]),
+                boundary: Boundary::periodic([0.0; 3], [side; 3]),
                 transmitters: vec![Transmitter { release: vec![(0, 500), (1, 20)], ..Transmitter::default() }],
                 ..Model::default()
             }, 1);

@@ -100,7 +100,7 @@ impl State {
     }
 
     /// Returns the state of one rank, whose totals count its own particles. The first rank keeps all other totals.
-    pub(crate) fn part(self, model: &Model, is_first: bool) -> Self {
+    pub(crate) fn into_rank_state(self, model: &Model, is_first: bool) -> Self {
         let mut totals = if is_first { self.totals } else { Totals::of(model) };
         totals.present.fill(0);
         self.particles.species.iter().for_each(|&species| totals.present[species as usize] += 1);

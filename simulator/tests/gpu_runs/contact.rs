@@ -5,8 +5,8 @@ use lazygrid_sim::{Boundary, Contact, Model, Particles, Shape, Species, Transmit
 
 use super::*;
 
-pub(super) fn crowd(contact: Contact, packing: f64, length: f64, edge: u32) -> Model {
-    let n = edge.pow(3);
+pub(super) fn crowd(contact: Contact, packing: f64, length: f64, per_side: u32) -> Model {
+    let n = per_side.pow(3);
     let side = (f64::from(n) * PI / 6.0 / packing).cbrt() as f32;
     let time_step = if contact == Contact::Elastic { length } else { length * length / 2.0 };
     let thermal_speed = if contact == Contact::Elastic { 1.0 } else { 0.0 };
@@ -20,9 +20,9 @@ pub(super) fn crowd(contact: Contact, packing: f64, length: f64, edge: u32) -> M
         contact,
         boundary: Boundary::periodic([-half; 3], [half; 3]),
         transmitters: vec![Transmitter {
-            shape: Shape::Lattice([side; 3], [edge; 3]),
+            shape: Shape::Lattice([side; 3], [per_side; 3]),
             release: vec![(0, n - n / 4), (1, n / 4)],
-            ..models::lattice([0.0; 3], &[0.0], 0, edge)
+            ..models::lattice([0.0; 3], &[0.0], 0, per_side)
         }],
         ..Model::default()
     }

@@ -12,9 +12,9 @@ use crate::steps::{alone, compare};
 const RANKS: [u32; 4] = [1, 2, 3, 5];
 const SIZES: [f32; 3] = [0.5, 0.35, 0.2];
 
-fn crowd(contact: Contact, fraction: f64, edge: u32) -> Model {
+fn crowd(contact: Contact, fraction: f64, per_side: u32) -> Model {
     let volume = SIZES.iter().map(|&radius| 4.0 / 3.0 * PI * f64::from(radius).powi(3)).sum::<f64>() / 3.0;
-    let count = edge.pow(3) / 3;
+    let count = per_side.pow(3) / 3;
     let length = (f64::from(3 * count) * volume / fraction).cbrt() as f32;
     let species = |(k, radius): (usize, f32)| Species {
         name: format!("size {k}"),
@@ -31,7 +31,7 @@ fn crowd(contact: Contact, fraction: f64, edge: u32) -> Model {
         boundary: Boundary::periodic([0.0; 3], [length; 3]),
         transmitters: vec![burst(
             [length / 2.0; 3],
-            Shape::Lattice([length; 3], [edge; 3]),
+            Shape::Lattice([length; 3], [per_side; 3]),
             (0..3).map(|k| (k, count)).collect(),
         )],
         ..Model::default()

@@ -115,8 +115,8 @@ fn a_run_changes_between_gpus_and_cpus_of_ranks() {
     }
     let mut runs = [0, 3].map(|ranks| {
         let directory = tempfile::tempdir().unwrap();
-        let parts = [(30, Backend::Gpu), (60, Backend::Cpu), (90, Backend::Gpu)];
-        for (k, (steps, backend)) in parts.into_iter().enumerate() {
+        let segments = [(30, Backend::Gpu), (60, Backend::Cpu), (90, Backend::Gpu)];
+        for (k, (steps, backend)) in segments.into_iter().enumerate() {
             let run = run_of(SCENARIO, directory.path(), steps, k > 0);
             let run = Run { backend, ..run };
             go_on(&Config::default().backend(backend), &run, ranks.min(2 + k as u32));

@@ -9,7 +9,7 @@ use lazygrid_sim::{
     RunView, Shape, Species, Transmitter,
 };
 
-use crate::models::{Parts, everything, model};
+use crate::models::{ModelFeatures, everything, model};
 use crate::steps::{Seen, alone, seen};
 use crate::{on_cpu, threads};
 
@@ -22,7 +22,7 @@ pub(crate) fn on_gpu() -> Config {
 }
 
 fn independent() -> Model {
-    let parts = Parts {
+    let features = ModelFeatures {
         contact: Contact::Ignore,
         reactions: Vec::new(),
         splits: false,
@@ -30,7 +30,7 @@ fn independent() -> Model {
         speed: false,
         ..everything()
     };
-    let mut model = model(&parts);
+    let mut model = model(&features);
     let [x, y, z] = model.receivers.last().unwrap().center;
     model.transmitters[2].center = [x + 0.85, y, z];
     model
@@ -170,7 +170,7 @@ fn dissociations_on_the_gpus_of_ranks_equal_one_gpu() {
 #[test]
 fn receptors_on_the_gpus_of_ranks_equal_one_gpu() {
     let Some(own) = device() else { return };
-    let receivers = model(&Parts { receivers: [1, 2, 2], ..everything() }).receivers;
+    let receivers = model(&ModelFeatures { receivers: [1, 2, 2], ..everything() }).receivers;
     let mut model = Model { receivers, ..independent() };
     let centers = [[5.0, 5.0, 7.9], [2.2, 1.0, 1.0]];
     for (receiver, center) in model.receivers[1..].iter_mut().zip(centers) {

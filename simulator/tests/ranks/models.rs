@@ -5,7 +5,7 @@ use lazygrid_sim::{
 use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
-pub(crate) struct Parts {
+pub(crate) struct ModelFeatures {
     pub(crate) periodic: bool,
     pub(crate) contact: Contact,
     pub(crate) reactions: Vec<usize>,
@@ -16,7 +16,7 @@ pub(crate) struct Parts {
     pub(crate) arrivals: bool,
 }
 
-pub(crate) fn parts() -> impl Strategy<Value = Parts> {
+pub(crate) fn model_features() -> impl Strategy<Value = ModelFeatures> {
     let reactions = prop::sample::subsequence(vec![0, 1, 2, 3], 0..=4);
     let receivers = [0..3_usize, 0..3, 0..8];
     let contacts = vec![Contact::Ignore, Contact::Count, Contact::Separate, Contact::Elastic];
@@ -26,12 +26,12 @@ pub(crate) fn parts() -> impl Strategy<Value = Parts> {
         let [periodic, decays, splits, speed, arrivals] = flags;
         // Elastic particles need a velocity.
         let speed = speed || contact == Contact::Elastic;
-        Parts { periodic, contact, reactions, decays, splits, receivers, speed, arrivals }
+        ModelFeatures { periodic, contact, reactions, decays, splits, receivers, speed, arrivals }
     })
 }
 
-pub(crate) fn everything() -> Parts {
-    Parts {
+pub(crate) fn everything() -> ModelFeatures {
+    ModelFeatures {
         periodic: true,
         contact: Contact::Count,
         reactions: vec![0, 1, 2, 3],
@@ -43,13 +43,13 @@ pub(crate) fn everything() -> Parts {
     }
 }
 
-pub(crate) fn model(parts: &Parts) -> Model {
+pub(crate) fn model(features: &ModelFeatures) -> Model {
     let species = |name: &str, radius: f32, diffusion: f64| Species {
         name: name.into(),
         radius,
         diffusion,
         mass: 1.0 + f64::from(radius),
-        thermal_speed: if parts.speed && name == "d" { 2.0 } else { 0.0 },
+        thermal_speed: if features.speed && name == "d" { 2.0 } else { 0.0 },
         ..Species::default()
     };
     let reaction = |name: &str, reactants, products, radius, probability| Reaction {
@@ -74,13 +74,13 @@ pub(crate) fn model(parts: &Parts) -> Model {
         rate,
     };
     let mut decays = Vec::new();
-    if parts.decays {
+    if features.decays {
         decays.extend([decay("d -> a", 3, [Some(0), None], 2.0), decay("b -> 0", 1, [None, None], 0.5)]);
     }
-    if parts.splits {
+    if features.splits {
         decays.push(decay("c -> a + b", 2, [Some(0), Some(1)], 4.0));
     }
-    if parts.decays && parts.splits {
+    if features.decays && features.splits {
         decays.push(decay("d -> c", 3, [Some(2), None], 1.5));
     }
     let transmitter = |name: &str, center, shape, schedule, release| Transmitter {
@@ -92,7 +92,7 @@ pub(crate) fn model(parts: &Parts) -> Model {
         ..Transmitter::default()
     };
     let walls = Axis::Reflecting { low: 0.0, high: 10.0 };
-    let axes = [if parts.periodic { Axis::Periodic { low: 0.0, high: 10.0 } } else { walls }; 3];
+    let axes = [if features.periodic { Axis::Periodic { low: 0.0, high: 10.0 } } else { walls }; 3];
     Model {
         time_step: 0.02,
         species: vec![
@@ -102,8 +102,8 @@ pub(crate) fn model(parts: &Parts) -> Model {
             species("d", 0.05, 5.0),
         ],
         boundary: Boundary { axes, vessel: None },
-        contact: parts.contact,
-        reactions: parts.reactions.iter().map(|&k| reactions[k].clone()).collect(),
+        contact: features.contact,
+        reactions: features.reactions.iter().map(|&k| reactions[k].clone()).collect(),
         decays,
         transmitters: vec![
             transmitter(
@@ -122,13 +122,13 @@ pub(crate) fn model(parts: &Parts) -> Model {
                 Vec::new(),
             ),
         ],
-        receivers: receivers(parts),
-        logs_arrivals: parts.arrivals,
+        receivers: receivers(features),
+        logs_arrivals: features.arrivals,
         ..Model::default()
     }
 }
 
-fn receivers(parts: &Parts) -> Vec<Receiver> {
+fn receivers(features: &ModelFeatures) -> Vec<Receiver> {
     let kinds = [
         ReceiverKind::Transparent,
         ReceiverKind::Receptors(vec![
@@ -149,7 +149,7 @@ fn receivers(parts: &Parts) -> Vec<Receiver> {
     };
     let of_kind = |at: usize| {
         let kind = &kinds[at];
-        (0..parts.receivers[at]).map(move |k| one(kind.clone(), 3 * k + at))
+        (0..features.receivers[at]).map(move |k| one(kind.clone(), 3 * k + at))
     };
     let mut all: Vec<_> = (0..3).flat_map(of_kind).collect();
     if let Some(partial) = all.last_mut().filter(|receiver| receiver.kind == ReceiverKind::Absorbing) {

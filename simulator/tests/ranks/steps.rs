@@ -10,7 +10,7 @@ use lazygrid_sim::{
 };
 use proptest::prelude::*;
 
-use crate::models::{Parts, everything, model, parts};
+use crate::models::{ModelFeatures, everything, model, model_features};
 use crate::{on_cpu, threads};
 
 #[derive(Clone, Debug, PartialEq)]
@@ -84,7 +84,7 @@ fn combined_model_equals_one_process() {
 
 #[test]
 fn distances_of_several_magnitudes_over_ranks_equal_one_process() {
-    let mut model = model(&Parts { contact: Contact::Ignore, ..everything() });
+    let mut model = model(&ModelFeatures { contact: Contact::Ignore, ..everything() });
     for (reaction, radius) in model.reactions.iter_mut().zip([0.5, 4.0, 0.45, 1.0]) {
         reaction.binding_radius = radius;
     }
@@ -107,7 +107,7 @@ fn arrivals_since_the_release_over_ranks_equal_one_process() {
 
 #[test]
 fn decays_before_hits_over_ranks_equal_one_process() {
-    let mut model = model(&Parts { periodic: false, ..everything() });
+    let mut model = model(&ModelFeatures { periodic: false, ..everything() });
     model.decays.retain(|decay| decay.products[1].is_none());
     let decay = |reactant, product| Decay { reactant, products: [Some(product), None], ..Decay::default() };
     model.decays.extend([decay(0, 1), decay(1, 0)]);
@@ -129,7 +129,7 @@ fn decays_before_hits_over_ranks_equal_one_process() {
 
 #[test]
 fn dissociations_before_hits_over_ranks_equal_one_process() {
-    let mut model = model(&Parts { periodic: false, ..everything() });
+    let mut model = model(&ModelFeatures { periodic: false, ..everything() });
     let dissociation = |reactant, products| Decay {
         reactant,
         products: [Some(products); 2],
@@ -243,7 +243,7 @@ fn pairs_found_on_a_gpu_give_the_run_of_one_process() {
         return;
     }
     for contact in [Contact::Count, Contact::Separate] {
-        let model = model(&Parts { contact, ..everything() });
+        let model = model(&ModelFeatures { contact, ..everything() });
         let expected = alone(&model, 6, 10);
         assert!(expected[1..].iter().all(|seen| seen.state.totals.pairs > 0));
         assert!(
@@ -257,8 +257,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(12))]
 
     #[test]
-    fn every_model_equals_one_process(parts in parts(), seed in 0..1000_u64, ranks in 1..6_u32) {
-        compare(&model(&parts), seed, 12, &[ranks]);
+    fn every_model_equals_one_process(features in model_features(), seed in 0..1000_u64, ranks in 1..6_u32) {
+        compare(&model(&features), seed, 12, &[ranks]);
     }
 }
 

@@ -85,7 +85,7 @@ pub(crate) fn division() -> Vec<Row> {
 /// Donors transfer at a rate γ to recipients in contact. These decrease as exp(−γ·n·(4/3)πρ³·t), with n donors per
 /// volume.
 pub(crate) fn conjugation() -> Vec<Row> {
-    let (donors, recipients, edge, contact, rate) = (800, 1000, 20.0_f64, 1.0_f64, 0.1);
+    let (donors, recipients, side, contact, rate) = (800, 1000, 20.0_f64, 1.0_f64, 0.1);
     let swimmer = |name: &str| {
         format!("[[species]]\nname = \"{name}\"\nradius = {}\nspeed = 20\ntumble-rate = 1\n", contact / 2.0)
     };
@@ -93,7 +93,7 @@ pub(crate) fn conjugation() -> Vec<Row> {
         "time-step = 0.01\nsteps = 1\n[boundary]\nkind = \"periodic\"\nlow = [0, 0, 0]\nhigh = [20, 20, 20]\n{}{}{}\
          [[reaction]]\nequation = \"donor + recipient -> donor + reached\"\nrate-inside = {rate}\n\
          [[transmitter]]\nname = \"all\"\ncenter = [10, 10, 10]\n\
-         shape = {{ kind = \"box\", size = [{edge}, {edge}, {edge}] }}\nrelease = [\
+         shape = {{ kind = \"box\", size = [{side}, {side}, {side}] }}\nrelease = [\
          {{ species = \"donor\", count = {donors} }}, {{ species = \"recipient\", count = {recipients} }}]\n",
         swimmer("donor"),
         swimmer("recipient"),
@@ -109,7 +109,7 @@ pub(crate) fn conjugation() -> Vec<Row> {
         })
     };
     let runs: Vec<[f64; 2]> = (0..8).into_par_iter().map(run).collect();
-    let per_time = rate * f64::from(donors) / edge.powi(3) * 4.0 / 3.0 * PI * contact.powi(3);
+    let per_time = rate * f64::from(donors) / side.powi(3) * 4.0 / 3.0 * PI * contact.powi(3);
     let row = |(index, until): (usize, u32)| {
         let time = f64::from(until) * 0.01;
         let expected = f64::from(recipients) * (-per_time * time).exp();

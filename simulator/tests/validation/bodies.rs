@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::Row;
 use crate::receivers::{FLOW, passing};
-use crate::setup::{begin, burst, mean, receiver, run_for, scenario, share_error, species, steps};
+use crate::setup::{begin, burst, fraction_error, mean, receiver, run_for, scenario, species, steps};
 
 const D: f64 = 100.0;
 const R: f64 = 5.0;
@@ -31,7 +31,7 @@ fn erfcx(x: f64) -> f64 {
 
 pub(crate) fn partial() -> Vec<Row> {
     let (n, time) = (40_000_u32, 0.5);
-    let share = |sticking, count: u32| {
+    let fraction = |sticking, count: u32| {
         let center = [DISTANCE as f32, 0.0, 0.0];
         let model = Model {
             time_step: time / f64::from(count),
@@ -46,14 +46,14 @@ pub(crate) fn partial() -> Vec<Row> {
     let mut rows = Vec::new();
     for kappa in [5.0, 20.0, 200.0] {
         let expected = taken(kappa, time);
-        let tolerance = 4.0 * share_error(expected, n.into());
+        let tolerance = 4.0 * fraction_error(expected, n.into());
         for count in [20, 200] {
-            let found = share(Adsorption::Reactivity(kappa), count);
+            let found = fraction(Adsorption::Reactivity(kappa), count);
             rows.push(Row::new(format!("rate {kappa} µm/s, {count} steps"), expected, found, tolerance));
         }
     }
-    let [few, many] = [20, 200].map(|count| share(Adsorption::PerStep(0.1), count));
-    let tolerance = 4.0 * share_error(few, n.into());
+    let [few, many] = [20, 200].map(|count| fraction(Adsorption::PerStep(0.1), count));
+    let tolerance = 4.0 * fraction_error(few, n.into());
     rows.push(Row {
         must_differ: true,
         ..Row::new("probability 0.1, 20 and 200 steps", few, many, tolerance)
@@ -221,16 +221,18 @@ pub(crate) fn reflecting() -> Vec<Row> {
             (0..all.len()).map(|at| all.get(at)).filter(out).for_each(|p| particles.push(p, false));
             let mut simulation = begin(&model, seed);
             simulation.insert(&particles);
-            let mut shares = [0.0; 3];
+            let mut fractions = [0.0; 3];
             for _ in 0..4 {
                 steps(&mut simulation, 4);
                 let state = simulation.state();
                 let within = |radius| inside(&state.particles, state.centers[0], radius);
                 let counts = [RADIUS, RADIUS + 0.05, RADIUS + 0.2].map(within);
-                shares[0] += 0.25 * counts[0];
-                (1..3).for_each(|k| shares[k] += 0.25 * (counts[k] - counts[k - 1]) / particles.len() as f64);
+                fractions[0] += 0.25 * counts[0];
+                (1..3).for_each(|k| {
+                    fractions[k] += 0.25 * (counts[k] - counts[k - 1]) / particles.len() as f64
+                });
             }
-            shares
+            fractions
         };
         let runs: Vec<[f64; 3]> = (0..16).into_par_iter().map(run).collect();
         rows.push(Row::new(format!("inside a sphere {what}"), 0.0, runs.iter().map(|r| r[0]).sum(), 0.0));
@@ -273,9 +275,9 @@ fn diffusing() -> Row {
     };
     let simulation = run_for(&model, 7, count);
     let arrived = &simulation.state().totals.arrived;
-    let shares = arrived.iter().map(|row| row[0] as f64 / f64::from(BURST));
+    let fractions = arrived.iter().map(|row| row[0] as f64 / f64::from(BURST));
     let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * (D + OWN) * time).sqrt());
-    Row::mean("by many that diffuse", expected, shares)
+    Row::mean("by many that diffuse", expected, fractions)
 }
 
 pub(crate) fn transmitters() -> Vec<Row> {

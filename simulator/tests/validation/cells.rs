@@ -3,7 +3,7 @@ use std::f64::consts::{LN_2, PI};
 use lazygrid_sim::{Adsorption, Model, ReceiverKind};
 
 use crate::Row;
-use crate::setup::{BackendRun, receiver, run_for, scenario, share_error};
+use crate::setup::{BackendRun, fraction_error, receiver, run_for, scenario};
 
 const N: u32 = 20_000;
 const D: f64 = 1.0;
@@ -121,7 +121,7 @@ fn fractions(time: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) 
 pub(crate) fn spherical_membranes() -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |what: String, expected: f64, (found, more): (f64, f64)| {
-        rows.push(Row::new(what, expected, found, 4.0 * share_error(expected, N.into()) + more));
+        rows.push(Row::new(what, expected, found, 4.0 * fraction_error(expected, N.into()) + more));
     };
     for (seed, from, permeability, time, spread) in [
         (1, 0.0, 0.5, 0.5, 0.05_f64),
@@ -161,14 +161,14 @@ pub(crate) fn spherical_membranes() -> Vec<Row> {
     }
     let space = "[boundary]\nkind = \"periodic\"\nlow = [-2, -2, -2]\nhigh = [2, 2, 2]\n[[transmitter]]\nname = \"tx\"\n\
                  center = [0, 0, 0]\nshape = ";
-    let share = 4.0 / 3.0 * PI * R.powi(3) / 64.0;
+    let volume_fraction = 4.0 / 3.0 * PI * R.powi(3) / 64.0;
     let full = |shape: &str| format!("{space}{shape}");
     let all = full("{ kind = \"box\", size = [4, 4, 4] }");
     for (seed, spread) in [(7, 0.3_f64), (8, 2.0)] {
         let model = model(spread * spread / (2.0 * D), D, 2.0, &all);
         add(
             format!("uniform, inside, steps of {spread} R"),
-            share,
+            volume_fraction,
             (inside(&run_for(&model, seed, 20)), 0.0),
         );
     }
@@ -176,15 +176,16 @@ pub(crate) fn spherical_membranes() -> Vec<Row> {
     let walls = ball.replace("periodic", "reflecting");
     add(
         "equilibrium, from inside".to_owned(),
-        share,
+        volume_fraction,
         (inside(&run_for(&model(0.05, D, 2.0, &walls), 9, 200)), 0.0),
     );
     // Well mixed up to κR/5D = 0.2 %.
     let (diffusion, permeability) = (20.0, 0.2);
-    let rate = permeability * 4.0 * PI * R * R * (1.0 / share + 1.0 / (1.0 - share)) / 64.0;
+    let rate =
+        permeability * 4.0 * PI * R * R * (1.0 / volume_fraction + 1.0 / (1.0 - volume_fraction)) / 64.0;
     for (seed, time) in [(10, 0.5), (11, 1.5)] {
         let model = model(0.002, diffusion, permeability, &ball);
-        let expected = share + (1.0 - share) * (-rate * time).exp();
+        let expected = volume_fraction + (1.0 - volume_fraction) * (-rate * time).exp();
         let found = inside(&run_for(&model, seed, (time / 0.002_f64).round() as u32));
         add(format!("relaxation, inside after {time} s"), expected, (found, 0.002));
     }

@@ -33,18 +33,19 @@ fn arrived(time: f64) -> f64 {
     if time > 0.0 { R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt()) } else { 0.0 }
 }
 
-fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
+fn too_few(fractions: &[f64], is_poisson: bool) -> f64 {
     let mut below = [0.0; THRESHOLD];
     below[0] = 1.0;
     if is_poisson {
-        let mean = f64::from(N) * parts.iter().sum::<f64>();
+        let mean = f64::from(N) * fractions.iter().sum::<f64>();
         below[0] = (-mean).exp();
         (1..THRESHOLD).for_each(|k| below[k] = below[k - 1] * mean / k as f64);
     } else {
-        for &part in parts {
+        for &fraction in fractions {
             for _ in 0..N {
                 (0..THRESHOLD).rev().for_each(|k| {
-                    below[k] = below[k] * (1.0 - part) + if k > 0 { below[k - 1] * part } else { 0.0 };
+                    below[k] =
+                        below[k] * (1.0 - fraction) + if k > 0 { below[k - 1] * fraction } else { 0.0 };
                 });
             }
         }
@@ -53,7 +54,7 @@ fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
 }
 
 pub(crate) fn on_off_keying() -> Vec<Row> {
-    let parts: Vec<f64> = (0..SYMBOLS)
+    let fractions: Vec<f64> = (0..SYMBOLS)
         .map(|k| arrived(f64::from(k + 1) * SYMBOL_TIME) - arrived(f64::from(k) * SYMBOL_TIME))
         .collect();
     let mut rows = Vec::new();
@@ -70,7 +71,8 @@ pub(crate) fn on_off_keying() -> Vec<Row> {
                 let is_one = all - before >= THRESHOLD as u64;
                 before = all;
                 errors += f64::from(u8::from(is_one != (sent[now] == 1)));
-                let bursts: Vec<f64> = (0..=now).filter(|&k| sent[k] == 1).map(|k| parts[now - k]).collect();
+                let bursts: Vec<f64> =
+                    (0..=now).filter(|&k| sent[k] == 1).map(|k| fractions[now - k]).collect();
                 let few = too_few(&bursts, numbers == "poisson");
                 let wrong = if sent[now] == 1 { few } else { 1.0 - few };
                 expected += wrong;
@@ -103,26 +105,26 @@ pub(crate) fn other_modulations() -> Vec<Row> {
         simulation.state().totals.arrived[0].clone()
     };
     let mut rows = Vec::new();
-    let mut row = |what: &str, released: f64, part: f64, measured: u64| {
-        let tolerance = 4.0 * (released * part * (1.0 - part)).sqrt();
-        rows.push(Row::new(what, released * part, measured as f64, tolerance));
+    let mut row = |what: &str, released: f64, fraction: f64, measured: u64| {
+        let tolerance = 4.0 * (released * fraction * (1.0 - fraction)).sqrt();
+        rows.push(Row::new(what, released * fraction, measured as f64, tolerance));
     };
     let csk = format!(
         "{one}bits = \"1101\"\nsymbol-time = 0.2\nmodulation = \"csk\"\nlevels = [0, 0.25, 0.5, 1]\n"
     );
-    let part = (arrived(0.4) + 0.25 * arrived(0.2)) / 1.25;
-    row("concentration shift keying", 50_000.0, part, arrivals(&csk)[0]);
+    let fraction = (arrived(0.4) + 0.25 * arrived(0.2)) / 1.25;
+    row("concentration shift keying", 50_000.0, fraction, arrivals(&csk)[0]);
     let mosk = arrivals(&format!("{two}bits = \"01\"\nsymbol-time = 0.2\nmodulation = \"mosk\"\n"));
     row("molecule shift keying, A", 40_000.0, arrived(0.4), mosk[0]);
     row("molecule shift keying, B", 40_000.0, arrived(0.2), mosk[1]);
     let n = 1000;
     let middle = |k: i32| 0.3 * (f64::from(k) + 0.5) / f64::from(n);
-    let part = (0..n).map(|k| arrived(0.1 + middle(k))).sum::<f64>() / f64::from(n);
+    let fraction = (0..n).map(|k| arrived(0.1 + middle(k))).sum::<f64>() / f64::from(n);
     for numbers in ["fixed", "poisson"] {
         let steady = arrivals(&format!(
             "release = [{{ species = \"A\", rate = 200000 }}]\nuntil = 0.3\nnumbers = \"{numbers}\"\n"
         ));
-        row(&format!("steady release, {numbers}"), 60_000.0, part, steady[0]);
+        row(&format!("steady release, {numbers}"), 60_000.0, fraction, steady[0]);
     }
     rows
 }
@@ -137,11 +139,12 @@ const OF_A_SPECIES: u32 = 15;
 /// Probability of each number of arrivals of bursts (size, fraction in time).
 fn arrivals_of(bursts: &[(u32, f64)]) -> Vec<f64> {
     let mut chances = vec![1.0];
-    for &(count, part) in bursts {
+    for &(count, fraction) in bursts {
         for _ in 0..count {
             chances.resize(chances.len() + 1, 0.0);
             for k in (0..chances.len()).rev() {
-                chances[k] = chances[k] * (1.0 - part) + if k > 0 { chances[k - 1] * part } else { 0.0 };
+                chances[k] =
+                    chances[k] * (1.0 - fraction) + if k > 0 { chances[k - 1] * fraction } else { 0.0 };
             }
         }
     }
@@ -149,8 +152,8 @@ fn arrivals_of(bursts: &[(u32, f64)]) -> Vec<f64> {
 }
 
 /// Probability of each received symbol; `sent` begins with the latest burst.
-fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
-    let ago = |k: usize| parts[sent.len() - 1 - k];
+fn taken_for(modulation: &str, sent: &[u32], fractions: &[f64]) -> [f64; 4] {
+    let ago = |k: usize| fractions[sent.len() - 1 - k];
     if modulation == "csk" {
         let bursts: Vec<_> = (0..sent.len()).map(|k| (MOST * sent[k] / 3, ago(k))).collect();
         let mut taken = [0.0; 4];
@@ -178,7 +181,7 @@ fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
 
 pub(crate) fn shift_keying() -> Vec<Row> {
     let time = |k: u32| f64::from(k) * SYMBOL_TIME;
-    let parts: Vec<f64> = (0..FEW_SYMBOLS).map(|k| arrived(time(k + 1)) - arrived(time(k))).collect();
+    let fractions: Vec<f64> = (0..FEW_SYMBOLS).map(|k| arrived(time(k + 1)) - arrived(time(k))).collect();
     let of = |modulation: &'static str| {
         let species =
             ["A", "B", "C", "D"].map(|name| format!("[[species]]\nname = \"{name}\"\ndiffusion = {D}\n"));
@@ -222,7 +225,7 @@ pub(crate) fn shift_keying() -> Vec<Row> {
             let sent: Vec<u32> = (0..FEW_SYMBOLS).map(|k| message.symbol(k, 0, Key::new(seed))).collect();
             let (mut expected, mut variance) = (0.0, 0.0);
             for now in 0..sent.len() {
-                let taken = taken_for(modulation, &sent[..=now], &parts);
+                let taken = taken_for(modulation, &sent[..=now], &fractions);
                 let wrong = |symbol: usize| f64::from((symbol as u32 ^ sent[now]).count_ones());
                 let moment = |power: i32| (0..4).map(|k| taken[k] * wrong(k).powi(power)).sum::<f64>();
                 expected += moment(1);

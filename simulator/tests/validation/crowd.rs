@@ -11,15 +11,15 @@ use crate::setup::{begin, burst, mean, run_for, species, steps};
 const PACKING: f64 = 0.40;
 const EDGE: u32 = 12;
 
-fn model(contact: Contact, packing: f64, time_step: f64, kind: Species, edge: u32) -> Model {
-    let n = edge.pow(3);
+fn model(contact: Contact, packing: f64, time_step: f64, kind: Species, per_side: u32) -> Model {
+    let n = per_side.pow(3);
     let length = (f64::from(n) * PI / 6.0 / packing).cbrt() as f32;
     Model {
         time_step,
         species: vec![kind],
         contact,
         boundary: Boundary::periodic([-length / 2.0; 3], [length / 2.0; 3]),
-        transmitters: vec![burst(Shape::Lattice([length; 3], [edge; 3]), &[(0, n)])],
+        transmitters: vec![burst(Shape::Lattice([length; 3], [per_side; 3]), &[(0, n)])],
         ..Model::default()
     }
 }
@@ -190,9 +190,9 @@ pub(crate) fn gas_between_walls() -> Vec<Row> {
     let after = conserved(particles);
     let n = f64::from(n);
     let near = |at: &usize| particles.position_of(*at).iter().any(|&x| x.abs() > half - radius - layer);
-    let share = (0..particles.len()).filter(near).count() as f64 / n;
+    let fraction = (0..particles.len()).filter(near).count() as f64 / n;
     let expected = 1.0 - (1.0 - f64::from(layer / (half - radius))).powi(3);
-    let mut rows = vec![Row::share("share near a wall after 4 s", expected, share, n)];
+    let mut rows = vec![Row::fraction("share near a wall after 4 s", expected, fraction, n)];
     rows.push(Row::new("relative drift of energy, walls", 0.0, after.energy / before.energy - 1.0, 1e-5));
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let squares: f64 = particles.velocity[axis].iter().map(|&v| f64::from(v).powi(2)).sum();
@@ -246,9 +246,10 @@ impl Shells {
     }
 
     fn add(&mut self, particles: &Particles) {
-        let reach = 0.5 * (1.0 + SHELLS as f64 * WIDTH) as f32;
+        let query_radius = 0.5 * (1.0 + SHELLS as f64 * WIDTH) as f32;
         let at = |at: usize| particles.position_of(at);
-        let rows: Vec<[f32; 4]> = (0..particles.len()).map(at).map(|[x, y, z]| [x, y, z, reach]).collect();
+        let rows: Vec<[f32; 4]> =
+            (0..particles.len()).map(at).map(|[x, y, z]| [x, y, z, query_radius]).collect();
         for pair in self.detector.pairs(&rows).expect("pairs") {
             let [a, b] = [pair.i, pair.j].map(|k| particles.position_of(k as usize).into());
             let distance = self.space.distance_squared(a, b).sqrt();

@@ -50,8 +50,8 @@ fn after(model: &Model, time: f64, seed: u64) -> BackendRun {
     run_for(model, seed, (time / model.time_step).round() as u32)
 }
 
-fn share(what: impl Into<String>, expected: f64, count: u64) -> Row {
-    Row::share(what, expected, count as f64 / f64::from(N), N)
+fn fraction(what: impl Into<String>, expected: f64, count: u64) -> Row {
+    Row::fraction(what, expected, count as f64 / f64::from(N), N)
 }
 
 fn arrived(simulation: &BackendRun) -> u64 {
@@ -66,8 +66,8 @@ fn dissociating(time_step: f64, seed: u64) -> Vec<Row> {
     let all = 2 * arrived(&sphere)
         + sphere.state().totals.present.iter().zip([2, 1]).map(|(n, k)| n * k).sum::<u64>();
     vec![
-        share(named("sphere"), R / (R + HEIGHT) * reached(RATE, TIME), arrived(&sphere)),
-        share(named("plane"), reached(RATE, TIME), arrived(&plane)),
+        fraction(named("sphere"), R / (R + HEIGHT) * reached(RATE, TIME), arrived(&sphere)),
+        fraction(named("plane"), reached(RATE, TIME), arrived(&plane)),
         Row::exact(named("all"), 2 * u64::from(N), all),
     ]
 }
@@ -88,7 +88,7 @@ fn consumed(time_step: f64, seed: u64) -> Row {
     }];
     let reacted = after(&model, time_step, seed).state().totals.reacted[0];
     let remains = 1.0 - R / (R + HEIGHT) * reached(0.0, time_step);
-    share("dissociation and reaction", (-RATE * time_step).exp() * remains, reacted)
+    fraction("dissociation and reaction", (-RATE * time_step).exp() * remains, reacted)
 }
 
 pub(crate) fn degrading() -> Vec<Row> {
@@ -97,13 +97,13 @@ pub(crate) fn degrading() -> Vec<Row> {
     for (seed, time_step) in (1..).zip([0.1, 0.02, 0.005]) {
         let onto = |what: &str| format!("{what}, steps of {time_step} s");
         let at_sphere = arrived(&after(&sphere(time_step), TIME, seed));
-        rows.push(share(onto("sphere"), R / (R + HEIGHT) * reached(RATE, TIME), at_sphere));
+        rows.push(fraction(onto("sphere"), R / (R + HEIGHT) * reached(RATE, TIME), at_sphere));
         let at_wall = arrived(&after(&wall(time_step), TIME, 10 + seed));
-        rows.push(share(onto("plane"), reached(RATE, TIME), at_wall));
+        rows.push(fraction(onto("plane"), reached(RATE, TIME), at_wall));
     }
     let mut everywhere = model(0.1, ReceiverKind::Endpoint);
     everywhere.receivers[0].radius = 1e4;
-    rows.push(share("endpoint", (-RATE * 0.1).exp(), arrived(&after(&everywhere, 0.1, 20))));
+    rows.push(fraction("endpoint", (-RATE * 0.1).exp(), arrived(&after(&everywhere, 0.1, 20))));
     rows.extend(products(&sphere(0.1)));
     rows.extend(dissociating(0.1, 24));
     rows.extend(dissociating(0.02, 25));
@@ -121,13 +121,13 @@ fn products(sphere: &Model) -> Vec<Row> {
     chain.decays.truncate(1);
     chain.receivers[0].sees = vec![true; 2];
     let seen = after(&chain, TIME, 22);
-    let part = R / (R + HEIGHT);
+    let reached_fraction = R / (R + HEIGHT);
     vec![
-        share("unseen product, reactant", part * reached(RATE, TIME), arrived(&unseen)),
+        fraction("unseen product, reactant", reached_fraction * reached(RATE, TIME), arrived(&unseen)),
         Row::exact("unseen product, arrivals", 0, unseen.received()[0][1]),
         Row::exact("unseen product, all", N.into(), all),
-        share("seen product, reactant", part * reached(RATE, TIME), seen.received()[0][0]),
-        share("seen product, both", part * reached(0.0, TIME), arrived(&seen)),
+        fraction("seen product, reactant", reached_fraction * reached(RATE, TIME), seen.received()[0][0]),
+        fraction("seen product, both", reached_fraction * reached(0.0, TIME), arrived(&seen)),
     ]
 }
 
@@ -138,8 +138,8 @@ fn since_the_release(sphere: &Model) -> Row {
     let mut model = sphere.clone();
     model.transmitters[0].release.clear();
     model.transmitters[0].schedule = Schedule::Steady { from: 0.0, until: time, rates };
-    let parts = 1000;
-    let ages = (0..parts).map(|k| (f64::from(k) + 0.5) / f64::from(parts) * time);
-    let mean = ages.map(|age| reached(RATE, age)).sum::<f64>() / f64::from(parts);
-    share("continuous release", R / (R + HEIGHT) * mean, arrived(&after(&model, time, 23)))
+    let intervals = 1000;
+    let ages = (0..intervals).map(|k| (f64::from(k) + 0.5) / f64::from(intervals) * time);
+    let mean = ages.map(|age| reached(RATE, age)).sum::<f64>() / f64::from(intervals);
+    fraction("continuous release", R / (R + HEIGHT) * mean, arrived(&after(&model, time, 23)))
 }

@@ -43,13 +43,17 @@ pub(crate) fn fewer_dimensions() -> Vec<Row> {
         let what = format!("mean square displacement, d = {dimensions}");
         rows.push(Row::mean(what, 2.0 * dimensions as f64 * 0.5, simulation.squares()));
     }
-    let share = |what: String, expected: f64, found: f64| Row::share(what, expected, found, N);
+    let fraction = |what: String, expected: f64, found: f64| Row::fraction(what, expected, found, N);
     // A radius of 1e-4 is a point that steps jump over.
     for (seed, spread, radius) in [(3, 0.1_f64, 1e-4), (4, 0.5, 0.5), (5, 1.0, 1e-4)] {
         let time_step = spread * spread / 2.0;
         let line = model(1, time_step, "[1, 0, 0]", &receiver("\"absorbing\"", -radius, radius));
         let found = taken(&line, 1.0, seed);
-        rows.push(share(format!("first passage, steps of {spread}, R = {radius}"), libm::erfc(0.5), found));
+        rows.push(fraction(
+            format!("first passage, steps of {spread}, R = {radius}"),
+            libm::erfc(0.5),
+            found,
+        ));
     }
     let ends = "[boundary]\nkind = \"reflecting\"\nlow = [0, 0, 0]\nhigh = [2, 0, 0]\n\
                 [[receiver]]\nname = \"low\"\nkind = \"wall\"\nface = \"low-x\"\n\
@@ -62,7 +66,11 @@ pub(crate) fn fewer_dimensions() -> Vec<Row> {
         let time = (1.0 / time_step).round() * time_step;
         let y = 0.5 / time.sqrt();
         let expected = libm::erfc(y) - (2.0 + 4.0 * time).exp() * libm::erfc(y + 2.0 * time.sqrt());
-        rows.push(share(format!("partial on a line, steps of {spread}"), expected, taken(&line, time, seed)));
+        rows.push(fraction(
+            format!("partial on a line, steps of {spread}"),
+            expected,
+            taken(&line, time, seed),
+        ));
     }
     // In a disk of radius 3 around one of radius 1, from 2: b²/2·ln(r/a) − (r² − a²)/4 + (b² − a²)/(2κa).
     let around = "[boundary]\nkind = \"cylinder\"\naxis = \"z\"\nradius = 3\n";

@@ -57,8 +57,8 @@ impl Row {
     }
 
     /// Tolerates four standard errors of a share of `n`.
-    pub(crate) fn share(what: impl Into<String>, expected: f64, measured: f64, n: impl Into<f64>) -> Self {
-        Self::new(what, expected, measured, 4.0 * setup::share_error(expected, n.into()))
+    pub(crate) fn fraction(what: impl Into<String>, expected: f64, measured: f64, n: impl Into<f64>) -> Self {
+        Self::new(what, expected, measured, 4.0 * setup::fraction_error(expected, n.into()))
     }
 
     fn passes(&self) -> bool {

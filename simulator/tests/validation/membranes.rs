@@ -21,7 +21,7 @@ fn burst(center: f64, shape: &str) -> String {
     format!("center = [{center}, 0, 0]\nshape = {shape}\nrelease = [{{ species = \"A\", count = {N} }}]")
 }
 
-fn share(model: &Model, count: u32, seed: u64, [low, high]: [f32; 2]) -> f64 {
+fn fraction(model: &Model, count: u32, seed: u64, [low, high]: [f32; 2]) -> f64 {
     let simulation = run_for(model, seed, count);
     let x = &simulation.state().particles.position[0];
     x.iter().filter(|x| (low..high).contains(*x)).count() as f64 / x.len() as f64
@@ -41,7 +41,7 @@ fn zero(n: u32, b: f64) -> f64 {
 pub(crate) fn membranes() -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |what: String, expected: f64, found: f64| {
-        rows.push(Row::share(what, expected, found, N));
+        rows.push(Row::fraction(what, expected, found, N));
     };
     // The difference of both halves is that of a plate which loses heat at one face, with b = 2κw/D (Carslaw and
     // Jaeger, *Conduction of Heat in Solids*, section 3.11).
@@ -64,7 +64,7 @@ pub(crate) fn membranes() -> Vec<Row> {
         let model =
             model(time_step, halves, permeability, &burst(-0.5, "{ kind = \"box\", size = [1, 1, 1] }"));
         let what = format!("κ = {permeability}, passed in {time} s, steps of {spread}");
-        add(what, expected, share(&model, count, seed, [0.0, 2.0]));
+        add(what, expected, fraction(&model, count, seed, [0.0, 2.0]));
     }
     // The mean of exp(−2κL/D) from the distance 1.
     for (seed, permeability, count) in [(6, 0.5, 1), (7, 0.5, 100), (8, 4.0, 2), (9, 4.0, 400)] {
@@ -75,12 +75,12 @@ pub(crate) fn membranes() -> Vec<Row> {
         let erfcx = 1.0 / (std::f64::consts::PI.sqrt() * (x + 0.5 / (x + 1.0 / (x + 1.5 / (x + 2.0 / x)))));
         let expected = 0.5 * (libm::erfc(y) - (-y * y).exp() * erfcx);
         let model = model(time / f64::from(count), "", permeability, &burst(1.0, "{ kind = \"point\" }"));
-        let found = share(&model, count, seed, [-1e9, 0.0]);
+        let found = fraction(&model, count, seed, [-1e9, 0.0]);
         add(format!("κ = {permeability}, passed from a point, {count} steps"), expected, found);
     }
     for (seed, low, high) in [(10, -0.05, 0.0), (11, 0.0, 0.05)] {
         let model = model(0.045, halves, 1.0, &burst(0.0, "{ kind = \"box\", size = [2, 1, 1] }"));
-        add(format!("uniform from {low} to {high}"), 0.025, share(&model, 20, seed, [low, high]));
+        add(format!("uniform from {low} to {high}"), 0.025, fraction(&model, 20, seed, [low, high]));
     }
     let steady = "center = [0.01, 0, 0]\nrelease = [{ species = \"A\", rate = 20000 }]";
     let mut closed = model(0.02, "", 0.0, steady);
@@ -100,8 +100,8 @@ pub(crate) fn membranes() -> Vec<Row> {
         2.0 / k * f64::from(1 - 2 * (n % 2)) * (0.1 * k).cos() * (-k * k * D * 0.5).exp()
     };
     let (reached, found) = (1.0 - (0..20).map(mode).sum::<f64>(), before as f64 / f64::from(N));
-    rows.push(Row::share("closed, arrived at the wall before it", reached, found, N));
-    rows.push(Row::new("closed, passed", 0.0, share(&closed, 50, 13, [-1e9, 0.0]), 0.0));
+    rows.push(Row::fraction("closed, arrived at the wall before it", reached, found, N));
+    rows.push(Row::new("closed, passed", 0.0, fraction(&closed, 50, 13, [-1e9, 0.0]), 0.0));
     let own = closed.receivers.iter_mut();
     own.for_each(|receiver| (receiver.velocity, receiver.diffusion) = ([1.0, 0.0, 0.0], 0.5));
     let simulation = run_for(&closed, 15, 50);
@@ -135,14 +135,14 @@ fn diffusing_body() -> Vec<Row> {
         boundary: Boundary::periodic([-0.75, -0.5, -0.5], [1.25, 0.5, 0.5]),
         ..Model::default()
     };
-    let half = |model: &Model, seed| share(model, 3000, seed, [0.0, 1.0]);
+    let half = |model: &Model, seed| fraction(model, 3000, seed, [0.0, 1.0]);
     let open = model(5.0, [0.25, 2.0]);
-    let shares: Vec<f64> = (0..12).into_par_iter().map(|seed| half(&open, seed)).collect();
+    let fractions: Vec<f64> = (0..12).into_par_iter().map(|seed| half(&open, seed)).collect();
     let free = 1.0 - 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3);
     let mut closed = [[-0.25, 0.5], [0.5, 0.5]].map(|from| model(0.0, from));
     closed.iter_mut().for_each(|model| model.receivers[0].velocity = [4.0, 4.0, 0.0]);
     vec![
-        Row::mean("share around a body that diffuses", free / (1.0 + free), shares),
+        Row::mean("share around a body that diffuses", free / (1.0 + free), fractions),
         Row::new("closed, passed to a body that moves", 0.0, half(&closed[0], 16), 0.0),
         Row::new("closed, stayed around a body that moves", 1.0, half(&closed[1], 17), 0.0),
     ]

@@ -203,7 +203,7 @@ pub(crate) fn branching() -> Vec<Row> {
     let runs: Vec<[u64; 2]> = (0..10).into_par_iter().map(run).collect();
     let [first, second] = [0, 1].map(|k| runs.iter().map(|run| run[k]).sum::<u64>() as f64);
     let n = first + second;
-    vec![Row::share("share of the first channel", 0.75, first / n, n)]
+    vec![Row::fraction("share of the first channel", 0.75, first / n, n)]
 }
 
 /// Particles that react within a target at a rate λ. With κ = √(λ/D) those at r ever react with probability h(r) =
@@ -212,10 +212,10 @@ pub(crate) fn branching() -> Vec<Row> {
 pub(crate) fn rate_inside() -> Vec<Row> {
     let (n, radius, rate, start, time) = (250_u32, 1.0_f64, 4.0_f64, 1.5_f64, 1.0);
     let kappa = rate.sqrt();
-    let reach = radius - (kappa * radius).tanh() / kappa;
+    let effective_radius = radius - (kappa * radius).tanh() / kappa;
     let ever = |r: f64| match r > radius {
-        true => reach / r,
-        false => 1.0 - (radius - reach) * (kappa * r).sinh() / (r * (kappa * radius).sinh()),
+        true => effective_radius / r,
+        false => 1.0 - (radius - effective_radius) * (kappa * r).sinh() / (r * (kappa * radius).sinh()),
     };
     let row = |step: f64| {
         let time_step = step * step / 2.0;
@@ -265,9 +265,9 @@ pub(crate) fn chain() -> Vec<Row> {
     let present = &simulation.state().totals.present;
     let expected = [(-1.0_f64).exp(), (-1.0_f64).exp() - (-2.0_f64).exp()];
     let row = |k: usize| {
-        let share = present[k] as f64 / f64::from(n);
+        let fraction = present[k] as f64 / f64::from(n);
         let what = format!("share of {} after 1 s", model.species[k].name);
-        Row::share(what, expected[k], share, n)
+        Row::fraction(what, expected[k], fraction, n)
     };
     vec![row(0), row(1), chain_to_dissociation(0.5, 9), chain_to_dissociation(1.0, 10)]
 }
@@ -283,7 +283,7 @@ fn chain_to_dissociation(time_step: f64, seed: u64) -> Row {
         ..Model::default()
     };
     let simulation = run_for(&model, seed, (1.0 / time_step) as u32);
-    let share = simulation.state().totals.present[2] as f64 / f64::from(2 * n);
+    let fraction = simulation.state().totals.present[2] as f64 / f64::from(2 * n);
     let expected = (1.0 - (-1.0_f64).exp()).powi(2);
-    Row::share(format!("share of the dissociated, step {time_step} s"), expected, share, n)
+    Row::fraction(format!("share of the dissociated, step {time_step} s"), expected, fraction, n)
 }

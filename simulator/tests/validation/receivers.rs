@@ -3,7 +3,7 @@ use lazygrid_sim::{Adsorption, Boundary, Model, Receiver, ReceiverKind, Shape, S
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, burst, in_ball, receiver, run_for, share_error, species, steps, steps_until};
+use crate::setup::{begin, burst, fraction_error, in_ball, receiver, run_for, species, steps, steps_until};
 
 const D: f64 = 100.0;
 const R: f64 = 5.0;
@@ -24,15 +24,15 @@ fn model(time_step: f64, kind: ReceiverKind) -> Model {
 pub(crate) fn absorbing() -> Vec<Row> {
     let time = 0.5;
     let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt());
-    let tolerance = 4.0 * share_error(expected, N.into()) + 0.005 * expected;
+    let tolerance = 4.0 * fraction_error(expected, N.into()) + 0.005 * expected;
     let mut rows = Vec::new();
     for kind in [ReceiverKind::Absorbing, ReceiverKind::Endpoint] {
         for count in [50, 200, 500] {
             let simulation = run_for(&model(time / f64::from(count), kind.clone()), 2, count);
-            let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(N);
+            let fraction = simulation.state().totals.arrived[0][0] as f64 / f64::from(N);
             let what = format!("{kind:?}, {count} steps").to_lowercase();
             let must_differ = kind == ReceiverKind::Endpoint;
-            rows.push(Row { must_differ, ..Row::new(what, expected, share, tolerance) });
+            rows.push(Row { must_differ, ..Row::new(what, expected, fraction, tolerance) });
         }
     }
     rows
@@ -46,9 +46,9 @@ pub(crate) fn transparent() -> Vec<Row> {
         steps_until(&mut simulation, until);
         let time = simulation.time();
         let expected = in_ball(R, DISTANCE, 2.0 * D * time);
-        let share = simulation.received()[0][0] as f64 / f64::from(N);
+        let fraction = simulation.received()[0][0] as f64 / f64::from(N);
         let what = format!("inside after {time} s");
-        rows.push(Row::share(what, expected, share, N));
+        rows.push(Row::fraction(what, expected, fraction, N));
     }
     rows
 }
@@ -76,8 +76,8 @@ pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Ro
         ..Model::default()
     };
     let simulation = run_for(&model, 5, count);
-    let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
-    Row::share(format!("{what}, {count} steps"), expected, share, n)
+    let fraction = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
+    Row::fraction(format!("{what}, {count} steps"), expected, fraction, n)
 }
 
 fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
@@ -122,8 +122,8 @@ pub(crate) fn long_steps() -> Vec<Row> {
         };
         let simulation = run_for(&model, 40 + u64::from(case), count);
         let expected = libm::erfc((start - 1.0) / (4.0 * f64::from(count) * time_step).sqrt()) / start;
-        let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
-        Row::share(format!("from {start:.2} R in {count} steps of {step:.2} R"), expected, share, n)
+        let fraction = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
+        Row::fraction(format!("from {start:.2} R in {count} steps of {step:.2} R"), expected, fraction, n)
     };
     (0..CASES).into_par_iter().map(row).collect()
 }
@@ -183,10 +183,10 @@ impl Neighbors {
         let both = first + second;
         let name = if *kind == ReceiverKind::Absorbing { "absorbing" } else { "partial" };
         let case = format!("{gap:.2} R apart, step {step:.2} R");
-        let mut rows = vec![Row::share(format!("first, {name}, {case}"), 0.5, first / both, both)];
+        let mut rows = vec![Row::fraction(format!("first, {name}, {case}"), 0.5, first / both, both)];
         if *kind == ReceiverKind::Absorbing {
             let expected = reached_by_two((gap, height), time);
-            rows.push(Row::share(format!("both, {case}"), expected, both / f64::from(n), n));
+            rows.push(Row::fraction(format!("both, {case}"), expected, both / f64::from(n), n));
         }
         rows
     }
@@ -254,14 +254,14 @@ impl DriftAtWall {
         };
         let mut simulation = run_for(&model, 12, (12.0 / time_step).ceil() as u32);
         let is_near = |x: f32| f64::from(if is_high { width - x } else { x }) < layer;
-        let mut shares = Vec::new();
+        let mut fractions = Vec::new();
         for _ in 0..8 {
             steps(&mut simulation, (3.0 / time_step).ceil() as u32);
             let particles = &simulation.state().particles;
             let near = particles.position[axis].iter().filter(|&&x| is_near(x)).count();
-            shares.push(near as f64 / f64::from(n));
+            fractions.push(near as f64 / f64::from(n));
         }
-        let measured = shares.iter().sum::<f64>() / shares.len() as f64;
+        let measured = fractions.iter().sum::<f64>() / fractions.len() as f64;
         let expected = -(-layer).exp_m1();
         let what = format!("share within {layer:.2} of a wall, vΔt = {ratio:.2}·√(2DΔt)");
         Row::new(what, expected, measured, 0.02 * expected)

@@ -117,7 +117,7 @@ pub(crate) fn mean(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     (mean, (variance / n).sqrt())
 }
 
-pub(crate) fn share_error(p: f64, n: f64) -> f64 {
+pub(crate) fn fraction_error(p: f64, n: f64) -> f64 {
     (p * (1.0 - p) / n).sqrt()
 }
 

@@ -40,7 +40,7 @@ pub(crate) fn inside_a_sphere() -> Vec<Row> {
         };
         let expected = 1.0 + (1..20).map(mode).sum::<f64>();
         let what = format!("absorbs until {time} s, steps of {time_step} s");
-        rows.push(Row::share(what, expected, taken(&sphere, count, 0, seed), N));
+        rows.push(Row::fraction(what, expected, taken(&sphere, count, 0, seed), N));
     }
     // From x = 0.5 in small steps. The first mode is j₁(kr)·cos θ, with the zero k = 2.0816 of j₁′.
     let [k, start]: [f64; 2] = [2.081_576, 0.5];
@@ -64,7 +64,7 @@ pub(crate) fn inside_a_sphere() -> Vec<Row> {
     let particles = &simulation.state().particles;
     let far = |at: &usize| particles.position_of(*at).iter().map(|x| x * x).sum::<f32>() > 0.81;
     let found = (0..particles.len()).filter(far).count() as f64 / f64::from(N);
-    rows.push(Row::share("reflects, share beyond 0.9 R", 0.271, found, N));
+    rows.push(Row::fraction("reflects, share beyond 0.9 R", 0.271, found, N));
     rows
 }
 
@@ -80,7 +80,7 @@ fn legendre(x: f64) -> Vec<f64> {
 pub(crate) fn absorbing_walls() -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |what: String, expected: f64, found: f64| {
-        rows.push(Row::share(what, expected, found, N));
+        rows.push(Row::fraction(what, expected, found, N));
     };
     let normal = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);
     let box_of = |width: f64| format!("kind = \"reflecting\"\nlow = [0, -50, -50]\nhigh = [{width}, 50, 50]");
@@ -147,5 +147,5 @@ fn hemisphere_on_a_plane() -> Row {
     let term = |l: usize| (still[l - 1] - still[l + 1]) * 0.5_f64.powi(l as i32 + 1) * turned[l];
     let expected = (1..40).step_by(2).map(term).sum();
     let found = taken(&model, (20.0 / time_step) as u32, 1, 14) * f64::from(N) / f64::from(n);
-    Row::share(format!("hemisphere on the plane, steps of {spread}"), expected, found, n)
+    Row::fraction(format!("hemisphere on the plane, steps of {spread}"), expected, found, n)
 }

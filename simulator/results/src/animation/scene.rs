@@ -177,12 +177,12 @@ impl Scene {
             let last = self.distances.len().saturating_sub(1);
             let most = self.distances.get((last as f64 * IN_SIGHT) as usize).copied().unwrap_or(0.0);
             let moved = self.transceivers.iter().filter_map(|transceiver| {
-                let reach = |frame: &FrameSummary| {
+                let distance = |frame: &FrameSummary| {
                     let center = frame.centers[transceiver.moves?];
                     let offset = std::array::from_fn(|k| center[k] - self.view.center[k]);
-                    Some(length(offset) + transceiver.shape.size[0]).filter(|reach| reach.is_finite())
+                    Some(length(offset) + transceiver.shape.size[0]).filter(|distance| distance.is_finite())
                 };
-                self.frames.iter().filter_map(reach).reduce(f32::max)
+                self.frames.iter().filter_map(distance).reduce(f32::max)
             });
             self.view.radius = moved.fold(self.view.radius.max(most), f32::max);
         }
@@ -199,11 +199,11 @@ impl Scene {
 
 pub(crate) fn quantized_positions(frame: &Frame) -> Vec<u8> {
     let (low, size) = extent(frame);
-    let part = |k: usize, x: f32| if size[k] > 0.0 { (x - low[k]) / size[k] } else { 0.0 };
+    let fraction = |k: usize, x: f32| if size[k] > 0.0 { (x - low[k]) / size[k] } else { 0.0 };
     let words = frame
         .rows
         .iter()
-        .flat_map(|row| [0, 1, 2].map(|k: usize| (part(k, row.position[k]) * 65_535.0).round() as u16));
+        .flat_map(|row| [0, 1, 2].map(|k: usize| (fraction(k, row.position[k]) * 65_535.0).round() as u16));
     words.flat_map(u16::to_le_bytes).collect()
 }
 
@@ -224,7 +224,7 @@ fn transmitter(transmitter: &Transmitter) -> Transceiver {
         Shape::Point => body("ball", 0, [0.0; 3]),
         Shape::Gaussian(width) => body("ball", 0, [width; 3]),
         Shape::Shell(_, radius) => body("ball", 0, [radius; 3]),
-        Shape::Box(edges) | Shape::Lattice(edges, _) => body("box", 0, edges.map(|edge| edge / 2.0)),
+        Shape::Box(sides) | Shape::Lattice(sides, _) => body("box", 0, sides.map(|side| side / 2.0)),
         Shape::Cylinder(along, radius, length) => {
             let half = |k: usize| if k == along { length / 2.0 } else { radius };
             body("cylinder", along, std::array::from_fn(half))
@@ -248,7 +248,7 @@ fn charts(model: &Model, series: &Series, step: usize) -> Vec<Chart> {
     let species = model.species.len();
     let reactions = species + model.reactions.len() + model.decays.len();
     let received = series.names.len().saturating_sub(2).max(reactions);
-    let parts = [
+    let charts = [
         ("particles", 0..species),
         ("reactions so far", species..reactions),
         ("receivers", reactions..received),
@@ -264,5 +264,5 @@ fn charts(model: &Model, series: &Series, step: usize) -> Vec<Chart> {
             columns.filter(|&k| k < series.names.len()).enumerate().filter_map(line).collect();
         (!lines.is_empty()).then_some(Chart { title, lines })
     };
-    parts.into_iter().filter_map(chart).collect()
+    charts.into_iter().filter_map(chart).collect()
 }

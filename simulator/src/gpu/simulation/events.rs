@@ -15,8 +15,8 @@ impl GpuSimulation {
         if count == 0 {
             return Ok(Vec::new());
         }
-        let parts = [(self.steps.buffer("events"), EVENT_BYTES * u64::from(count))];
-        let read = read(&self.buffers.own, self.encoder(), &parts)?;
+        let sources = [(self.steps.buffer("events"), EVENT_BYTES * u64::from(count))];
+        let read = read(&self.buffers.own, self.encoder(), &sources)?;
         let mut entries: Vec<Entry> = bytemuck::pod_collect_to_vec(&read[0]);
         entries.sort_unstable_by_key(|&[step, receiver, rank, id]| {
             let is_birth = receiver == NOTHING;

@@ -21,12 +21,12 @@ impl GpuSimulation {
         self.steps.encode_census(&mut encoder, particles);
         let tallies = self.tables.tallies.len();
         let head_bytes = size_of::<ControlHeader>();
-        let parts = [
+        let sources = [
             (self.buffers.buffer("control"), (head_bytes + 8 * tallies) as u64),
             (self.buffers.buffer("inside"), 4 * tallies as u64),
             (self.buffers.buffer("log"), 8 * u64::from(LOG_ROWS)),
         ];
-        let read = read(&self.buffers.own, encoder, &parts)?;
+        let read = read(&self.buffers.own, encoder, &sources)?;
         let head: ControlHeader = bytemuck::pod_read_unaligned(&read[0][..head_bytes]);
         let counts = bytemuck::pod_collect_to_vec(&read[0][head_bytes + 4 * tallies..]);
         let inside = bytemuck::pod_collect_to_vec(&read[1]);

@@ -21,8 +21,8 @@ impl GpuSimulation {
         let sizes = self.steps.sizes;
         let half = 16 * u64::from(sizes.particles);
         let spheres = if sizes.has_velocity { half + 16 * n } else { 16 * n };
-        let parts = [(self.steps.buffer("spheres"), spheres), (self.steps.buffer("tags"), 8 * n)];
-        let read = read(&self.buffers.own, self.encoder(), &parts)?;
+        let sources = [(self.steps.buffer("spheres"), spheres), (self.steps.buffer("tags"), 8 * n)];
+        let read = read(&self.buffers.own, self.encoder(), &sources)?;
         let spheres: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0][..16 * n as usize]);
         let velocities: Vec<[f32; 4]> = match sizes.has_velocity {
             true => bytemuck::pod_collect_to_vec(&read[0][half as usize..]),

@@ -47,12 +47,12 @@ fn second_products_follow_in_the_order_of_their_parents() {
             let stage = buffers.stage(kernel, Groups::Fixed(groups), |name| made[name].clone());
             stage.expect("a stage").encode(&mut encoder, groups);
         }
-        let parts = [
+        let sources = [
             (&made["spheres"], 16 * rows as u64),
             (&made["tags"], 8 * rows as u64),
             (&made["events"], 16 * u64::from(events + count)),
         ];
-        let read = read(&own, encoder, &parts).expect("read");
+        let read = read(&own, encoder, &sources).expect("read");
         let spheres: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read[0]);
         let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
         let logged: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read[2]);

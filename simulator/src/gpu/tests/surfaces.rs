@@ -35,7 +35,7 @@ fn adsorption_and_unbinding_match_the_cpu() {
     let found = evaluate(&own, pieces, body, 12_288);
     let (mut others, time_step) = (0, 0.1);
     for (k, found) in (0..).zip(found) {
-        let [stays, part, above, scale] = found.map(|word| f64::from(f32::from_bits(word)));
+        let [stays, fraction, above, scale] = found.map(|word| f64::from(f32::from_bits(word)));
         let length = 2f64.powi((k / 24 % 8) as i32 - 6);
         let reactivity = 2f64.powi((k % 24) as i32 - 16) * length / time_step;
         let step = adsorption::Step::new(length * length, time_step, (0.5, reactivity));
@@ -47,7 +47,11 @@ fn adsorption_and_unbinding_match_the_cpu() {
         assert_eq!(scale, length);
         let expected = step.sticking(heights);
         assert!((stays - expected).abs() < 2e-5 * expected + 2e-7, "{k}: {stays} and not {expected}");
-        assert!(close(part, step.effective_part()), "{k}: {part} and not {}", step.effective_part());
+        assert!(
+            close(fraction, step.effective_fraction()),
+            "{k}: {fraction} and not {}",
+            step.effective_fraction()
+        );
         let mut draws = Draws::new(Key([5, 6]), k, 3, Purpose::Unbinding);
         // A trial at the threshold may fall either way.
         others += u32::from((above - step.height_after(&mut draws)).abs() > 1e-4 * length);
@@ -257,13 +261,13 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
         (&k::RECEPTORS_GROUP_REQUESTS, all),
         (&k::RECEPTORS_SELECT, 3),
     ]);
-    let parts = [
+    let sources = [
         (&made["moved"], 16 * u64::from(count)),
         (&made["claims"], CLAIM_BYTES * u64::from(count)),
         (&made["receptors"], 3 * ROW),
         (&made["control"], size_of::<ControlHeader>() as u64 + 48),
     ];
-    let read = read(own, encoder, &parts).expect("read");
+    let read = read(own, encoder, &sources).expect("read");
     let receptors: Vec<[u32; 5]> = bytemuck::pod_collect_to_vec(&read[2]);
     let head: ControlHeader = bytemuck::pod_read_unaligned(&read[3][..size_of::<ControlHeader>()]);
     Chosen {

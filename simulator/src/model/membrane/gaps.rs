@@ -9,7 +9,7 @@ use crate::random::gaussian::normals;
 /// with a probability of 6 in 100 000.
 const WIDTH: f32 = 4.0;
 /// Largest number of parts of a step.
-pub(crate) const MAX_PARTS: u32 = 256;
+pub(crate) const MAX_SUBSTEPS: u32 = 256;
 
 /// Returns the narrowest gap along each axis, in µm; infinite without one.
 pub(crate) fn narrowest_gaps(membranes: &[Membrane], domain: &Boundary, species: usize) -> [f32; 3] {
@@ -34,9 +34,9 @@ pub(crate) fn narrowest_gaps(membranes: &[Membrane], domain: &Boundary, species:
 }
 
 /// Returns the number of parts of a step with the standard deviation `spread`.
-pub(crate) fn parts(gap: f32, spread: f32) -> u32 {
+pub(crate) fn substep_count(gap: f32, spread: f32) -> u32 {
     let ratio = WIDTH * spread / gap;
-    (ratio * ratio).ceil().clamp(1.0, MAX_PARTS as f32) as u32
+    (ratio * ratio).ceil().clamp(1.0, MAX_SUBSTEPS as f32) as u32
 }
 
 impl MembraneStep<'_> {
@@ -46,18 +46,19 @@ impl MembraneStep<'_> {
         [before, end]: [f32; 2],
         words: impl Fn(u32, u32) -> [u32; 4],
     ) -> HeldEnd {
-        let parts = parts(self.gaps[axis], self.spread);
-        if parts == 1 || self.is_clear(axis, [before, end]) {
-            return self.part_end(axis, [before, end], self.spread, |membrane| words(membrane, 0));
+        let substeps = substep_count(self.gaps[axis], self.spread);
+        if substeps == 1 || self.is_clear(axis, [before, end]) {
+            return self.substep_end(axis, [before, end], self.spread, |membrane| words(membrane, 0));
         }
-        let spread = self.spread / (parts as f32).sqrt();
+        let spread = self.spread / (substeps as f32).sqrt();
         let (mut at, mut free, mut sign, mut rest) = (before, before, 1.0, end - before);
-        for part in 0..parts {
-            let left = (parts - part) as f32;
-            let z = normals(words(u32::MAX - axis as u32, part))[0];
-            let way = rest / left + spread * (1.0 - 1.0 / left).sqrt() * z;
-            rest -= way;
-            let held = self.part_end(axis, [at, at + way], spread, |membrane| words(membrane, part));
+        for substep in 0..substeps {
+            let left = (substeps - substep) as f32;
+            let z = normals(words(u32::MAX - axis as u32, substep))[0];
+            let displacement = rest / left + spread * (1.0 - 1.0 / left).sqrt() * z;
+            rest -= displacement;
+            let held =
+                self.substep_end(axis, [at, at + displacement], spread, |membrane| words(membrane, substep));
             free += sign * (held.free - at);
             sign = if self.domain.axes[axis].turns(held.free) { -sign } else { sign };
             at = held.confined;

@@ -50,11 +50,12 @@ impl Model {
         domain: &Boundary,
         [center, end]: [[f32; 3]; 2],
     ) -> [f32; 3] {
-        let reach = |membrane: &Membrane| {
+        let surface_and_distance = |membrane: &Membrane| {
             let gap = self.least_gap(receiver, self.fastest_shared(receiver, membrane)?);
             Some((membrane.surface, f64::from(receiver.radius) + gap))
         };
-        let surfaces: Vec<(MembraneSurface, f64)> = self.membranes.iter().filter_map(reach).collect();
+        let surfaces: Vec<(MembraneSurface, f64)> =
+            self.membranes.iter().filter_map(surface_and_distance).collect();
         if surfaces.is_empty() {
             return end;
         }
@@ -92,13 +93,13 @@ fn bounds(surfaces: &[(MembraneSurface, f64)], axis: usize, domain: &Boundary, c
         Axis::Open | Axis::Frozen => ([f32::NEG_INFINITY, f32::INFINITY], None),
     };
     let images: &[f32] = if period.is_some() { &[-1.0, 0.0, 1.0] } else { &[0.0] };
-    for &(surface, reach) in surfaces {
+    for &(surface, distance) in surfaces {
         let MembraneSurface::Plane { axis: across, position } = surface else { continue };
         for at in images.iter().map(|image| position + image * period.unwrap_or(0.0)) {
             match at <= center[axis] {
                 _ if across != axis => {}
-                true => low = low.max((f64::from(at) + reach) as f32),
-                false => high = high.min((f64::from(at) - reach) as f32),
+                true => low = low.max((f64::from(at) + distance) as f32),
+                false => high = high.min((f64::from(at) - distance) as f32),
             }
         }
     }
@@ -117,12 +118,16 @@ fn mirrored([low, high]: [f32; 2], x: f32, before: f32) -> f32 {
 }
 
 impl Side {
-    fn new((surface, reach): (MembraneSurface, f64), domain: &Boundary, receiver: [f32; 3]) -> Option<Self> {
+    fn new(
+        (surface, distance): (MembraneSurface, f64),
+        domain: &Boundary,
+        receiver: [f32; 3],
+    ) -> Option<Self> {
         let MembraneSurface::Sphere { center, radius } = surface else { return None };
         let radius = f64::from(radius);
         let away = vector(domain, [center, receiver]);
         let is_inside = dot(away, away).sqrt() < radius;
-        Some(Self { center, limit: if is_inside { radius - reach } else { radius + reach }, is_inside })
+        Some(Self { center, limit: if is_inside { radius - distance } else { radius + distance }, is_inside })
     }
 
     fn mirrored(&self, domain: &Boundary, point: [f32; 3]) -> Option<[f32; 3]> {
@@ -235,9 +240,11 @@ mod tests {
             centers = move_receivers(&model, &centers, Key::new(8), step).iter().map(|p| p.center).collect();
         }
         // From 0.125 to 0.875.
-        let parts: Vec<f64> = centers.iter().map(|center| (f64::from(center[0]) - 0.125) / 0.75).collect();
+        let fractions: Vec<f64> =
+            centers.iter().map(|center| (f64::from(center[0]) - 0.125) / 0.75).collect();
         for power in 1..4 {
-            let mean = parts.iter().map(|part| part.powi(power)).sum::<f64>() / parts.len() as f64;
+            let mean =
+                fractions.iter().map(|fraction| fraction.powi(power)).sum::<f64>() / fractions.len() as f64;
             let expected = 1.0 / f64::from(power + 1);
             assert!((mean - expected).abs() < 4.0 * 0.3 / 4000_f64.sqrt(), "{power}: {mean}");
         }

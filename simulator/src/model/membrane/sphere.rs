@@ -161,15 +161,16 @@ impl Sphere {
 
 impl Ray<'_> {
     fn advance(&mut self) -> Option<Obstacle> {
-        let (part, obstacle) = self.next().map_or((1.0, None), |(part, obstacle)| (part, Some(obstacle)));
+        let (fraction, obstacle) =
+            self.next().map_or((1.0, None), |(fraction, obstacle)| (fraction, Some(obstacle)));
         for axis in 0..3 {
-            self.at[axis] += part * self.way[axis];
-            self.way[axis] *= 1.0 - part;
+            self.at[axis] += fraction * self.way[axis];
+            self.way[axis] *= 1.0 - fraction;
         }
         Some(match obstacle? {
             Obstacle::Sphere(k, from) => {
                 let point: [f64; 3] =
-                    std::array::from_fn(|axis| from[axis] + part / (1.0 - part) * self.way[axis]);
+                    std::array::from_fn(|axis| from[axis] + fraction / (1.0 - fraction) * self.way[axis]);
                 let distance = dot(point, point).sqrt();
                 Obstacle::Sphere(k, point.map(|x| x / distance))
             }
@@ -182,8 +183,8 @@ impl Ray<'_> {
         let walls = (0..3).filter_map(|axis| {
             let Axis::Reflecting { low, high } = self.domain.axes[axis] else { return None };
             let wall = f64::from(if self.way[axis] < 0.0 { low } else { high });
-            let part = ((wall - self.at[axis]) / self.way[axis]).max(0.0);
-            Some((part, Obstacle::Wall(axis, wall)))
+            let fraction = ((wall - self.at[axis]) / self.way[axis]).max(0.0);
+            Some((fraction, Obstacle::Wall(axis, wall)))
         });
         let spheres = self.spheres.iter().enumerate().flat_map(|(k, &(sphere, is_inside))| {
             let from = sphere.vector_to(self.domain, self.at);
@@ -192,7 +193,7 @@ impl Ray<'_> {
                 Some((sphere.reached(is_inside, from, self.way)?, Obstacle::Sphere(k, from)))
             })
         });
-        let within = walls.chain(spheres).filter(|(part, _)| *part < 1.0);
+        let within = walls.chain(spheres).filter(|(fraction, _)| *fraction < 1.0);
         within.min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
@@ -230,7 +231,7 @@ impl Ray<'_> {
     }
 
     /// Moves the end by a fraction of the radius to its side of the nearest surface.
-    fn nudged(&self, part: f64) -> [f32; 3] {
+    fn nudged(&self, fraction: f64) -> [f32; 3] {
         let gap = |sphere: &Sphere| {
             let from = sphere.vector_to(self.domain, self.at);
             (dot(from, from).sqrt() - f64::from(sphere.radius)).abs()
@@ -238,7 +239,7 @@ impl Ray<'_> {
         let nearest = self.spheres.iter().min_by(|a, b| gap(&a.0).total_cmp(&gap(&b.0)));
         let Some((sphere, is_inside)) = nearest else { return self.at.map(|x| x as f32) };
         let from = sphere.vector_to(self.domain, self.at);
-        let by = if *is_inside { -part } else { part };
+        let by = if *is_inside { -fraction } else { fraction };
         std::array::from_fn(|axis| (self.at[axis] + by * from[axis]) as f32)
     }
 

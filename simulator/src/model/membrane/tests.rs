@@ -47,7 +47,7 @@ fn one_step_changes_sides_with_the_closed_probability() {
 
 /// With the lowest point at −√(−2 ln ½)/2 = −0.589 of the spread the probability is 2.94e-8, 126 words of 2³².
 #[test]
-fn low_permeability_passes_a_part_of_the_least_words() {
+fn low_permeability_passes_a_fraction_of_the_least_words() {
     let (own, domain) = ([membrane(5.0, 5e-8)], Boundary::default());
     let step = step(&own, &domain, 1.0);
     let is_below = |word: u32| step.end(0, [5.0; 2], |_, _| [1 << 31, word, 0, 0]).confined < 5.0;
@@ -102,10 +102,10 @@ fn narrow_gaps_keep_a_uniform_density() {
                 *x = step.end(0, [*x, end], words).confined;
             }
         }
-        let share = all.iter().filter(|x| (low..high).contains(*x)).count() as f64 / f64::from(N);
+        let fraction = all.iter().filter(|x| (low..high).contains(*x)).count() as f64 / f64::from(N);
         let expected = f64::from(high - low) / 10.0;
         let error = (expected * (1.0 - expected) / f64::from(N)).sqrt();
-        assert!((share - expected).abs() < 5.0 * error, "{low} to {high}, {domain:?}: {share}");
+        assert!((fraction - expected).abs() < 5.0 * error, "{low} to {high}, {domain:?}: {fraction}");
     }
 }
 

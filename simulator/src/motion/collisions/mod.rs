@@ -226,9 +226,9 @@ impl Collisions {
         }
         let touches = |[a, b]: [u32; 2]| {
             let [a, b] = [&movers[a as usize], &movers[b as usize]];
-            let reach = a.touch(b) + 2.0 * allowance;
+            let cutoff = a.touch(b) + 2.0 * allowance;
             let d = a.displacement(b, a.time, boundary);
-            dot(d, d) <= reach * reach
+            dot(d, d) <= cutoff * cutoff
         };
         let pairs = self.detector.pairs(spheres)?.par_iter().map(|pair| [pair.i, pair.j]);
         Ok(pairs.filter(|&pair| touches(pair)).collect())

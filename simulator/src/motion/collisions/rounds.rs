@@ -229,8 +229,8 @@ impl Window<'_> {
         let time = from.max(left.time).max(steady.time);
         let d = left.displacement(steady, time, &self.rules.boundary);
         let near = (1.0 - self.slack) * left.touch(steady);
-        let reach = near + (until - from) * (self.top_speed + steady.speed);
-        dot(d, d) >= reach * reach
+        let max_distance = near + (until - from) * (self.top_speed + steady.speed);
+        dot(d, d) >= max_distance * max_distance
     }
 
     /// Returns a lower bound of the time at which the first particle, off its path at `from` or later, hits the second.

@@ -158,9 +158,9 @@ impl Rules {
     /// Exchanges momentum, with the lower id first. Returns `false` if the particles do not approach.
     pub(crate) fn collide(&self, [a, b]: &mut [Mover; 2]) -> bool {
         let d = a.displacement(b, a.time, &self.boundary);
-        let mut shares = [a.species, b.species].map(|species| self.mobility[species as usize]);
-        if shares == [0.0; 2] {
-            shares = [1.0; 2];
+        let mut mobilities = [a.species, b.species].map(|species| self.mobility[species as usize]);
+        if mobilities == [0.0; 2] {
+            mobilities = [1.0; 2];
         }
         let exchange = |u: &mut [f64; 3], v: &mut [f64; 3]| {
             // The expression of `predict`, so that both agree on the sign.
@@ -168,10 +168,10 @@ impl Rules {
             if approach <= 0.0 {
                 return false;
             }
-            let impulse = 2.0 * approach / (dot(d, d) * (shares[0] + shares[1]));
+            let impulse = 2.0 * approach / (dot(d, d) * (mobilities[0] + mobilities[1]));
             for k in 0..3 {
-                u[k] -= impulse * shares[0] * d[k];
-                v[k] += impulse * shares[1] * d[k];
+                u[k] -= impulse * mobilities[0] * d[k];
+                v[k] += impulse * mobilities[1] * d[k];
             }
             true
         };

@@ -43,12 +43,12 @@ pub(crate) fn model(contact: Contact, axis: Axis) -> Model {
     }
 }
 
-pub(crate) fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
+pub(crate) fn movers(case: u32, per_side: u32, speed: f64) -> Vec<Mover> {
     let mover = |k: u32| {
         let words = philox([k, case, 0, 0], [1, 2]);
         let motion = normals(philox([k, case, 1, 0], [1, 2])).map(|c| speed * f64::from(c));
         let species = u32::from(words[3].is_multiple_of(4));
-        let site = [k % edge, k / edge % edge, k / edge / edge];
+        let site = [k % per_side, k / per_side % per_side, k / per_side / per_side];
         let shift = |c: usize| 0.08 * (f64::from(open_unit(words[c])) - 0.5);
         Mover {
             position: std::array::from_fn(|c| 1.1 * (f64::from(site[c]) + 0.5) + shift(c)),
@@ -62,7 +62,7 @@ pub(crate) fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
             collided: false,
         }
     };
-    (0..edge.pow(3)).map(mover).collect()
+    (0..per_side.pow(3)).map(mover).collect()
 }
 
 fn run(movers: &[Mover], rules: &Rules, slack: f64) -> (Vec<Mover>, WindowEnd) {

@@ -80,8 +80,8 @@ impl Bodies {
     fn candidates(&self, shifts: &[Shift]) -> Result<Vec<(usize, usize)>, Error> {
         let longest = shifts.iter().map(|shift| length(shift.by(&self.boundary))).fold(0.0, f32::max);
         let grown = |body: &Body| {
-            let reach = body.radius + longest;
-            Sphere::new(body.center, reach + rounding(body.center, 2.0 * reach))
+            let radius = body.radius + longest;
+            Sphere::new(body.center, radius + rounding(body.center, 2.0 * radius))
         };
         let spheres: Vec<Sphere> = self.all.iter().map(grown).collect();
         let [x, y, z] = [0, 1, 2].map(|k: usize| shifts.iter().map(|shift| shift.to[k]).collect::<Vec<_>>());
@@ -103,8 +103,8 @@ impl Body {
             return false;
         }
         let (start, by) = (boundary.displacement(self.center, shift.from), shift.by(boundary));
-        let part = (-dot(start, by) / dot(by, by).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-        let nearest = std::array::from_fn(|k| start[k] + part * by[k]);
+        let fraction = (-dot(start, by) / dot(by, by).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let nearest = std::array::from_fn(|k| start[k] + fraction * by[k]);
         length(nearest) < self.radius || height(shift.to) < 0.0
     }
 }

@@ -168,11 +168,11 @@ fn bodies_that_a_search_finds_are_those_of_all_tests() {
         Shift { at: k as usize, species: k % 2, from, to }
     };
     let all: Vec<Shift> = (0..2000).map(shift).collect();
-    let kept = |parts: usize| -> Vec<usize> {
-        let chunks = all.chunks(parts).map(|part| {
-            let mut part = part.to_vec();
-            bodies.retain_outside(&mut part);
-            part
+    let kept = |size: usize| -> Vec<usize> {
+        let chunks = all.chunks(size).map(|chunk| {
+            let mut chunk = chunk.to_vec();
+            bodies.retain_outside(&mut chunk);
+            chunk
         });
         chunks.flatten().map(|shift| shift.at).collect()
     };

@@ -74,8 +74,8 @@ fn decays_share_their_probability() {
     let events = Propagator::new(&model)
         .advance(&mut cloud(n), None, None, StepKey { key: Key::new(9), step: 4 })
         .unwrap();
-    for (which, share) in [(0, 0.25), (1, 0.75)] {
-        let p = (1.0 - (-2.0_f64).exp()) * share;
+    for (which, fraction) in [(0, 0.25), (1, 0.75)] {
+        let p = (1.0 - (-2.0_f64).exp()) * fraction;
         let count =
             events.iter().filter(|e| matches!(e, Event::Decayed { decay, .. } if *decay == which)).count();
         let error = (count as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();

@@ -85,8 +85,8 @@ fn run(
         let events = motion
             .advance(&mut particles, receiver_search.as_mut(), None, StepKey { key: Key::new(3), step })
             .unwrap();
-        let mut gone: Vec<u32> = events.iter().map(crate::motion::propagate::Event::at).collect();
-        particles.remove(&mut gone);
+        let mut removed: Vec<u32> = events.iter().map(crate::motion::propagate::Event::at).collect();
+        particles.remove(&mut removed);
         centers = receiver_moves.iter().map(|receiver_move| receiver_move.center).collect();
         all.extend(events);
     }

@@ -90,7 +90,7 @@ fn crowd() -> (Model, Vec<ReceiverMove>) {
 }
 
 #[test]
-fn receivers_out_of_reach_change_nothing() {
+fn distant_receivers_change_nothing() {
     let (model, receiver_moves) = crowd();
     let events = PartialEvents::new(&model);
     let at = ReleaseStep {
@@ -143,9 +143,9 @@ fn neither_threads_nor_ranks_change_a_release() {
     assert!(other.particles == whole.particles && other.arrivals == whole.arrivals);
     let (mut particles, mut arrivals) = (crate::model::particles::Particles::default(), Vec::new());
     for rank in 0..3 {
-        let part = model.release(at, RankSlice::new(rank, 3)).expect("a release");
-        (0..part.particles.len()).for_each(|at| particles.push(part.particles.get(at), false));
-        arrivals.extend(part.arrivals);
+        let slice = model.release(at, RankSlice::new(rank, 3)).expect("a release");
+        (0..slice.particles.len()).for_each(|at| particles.push(slice.particles.get(at), false));
+        arrivals.extend(slice.arrivals);
     }
     assert!(particles == whole.particles && arrivals == whole.arrivals);
 }

@@ -139,8 +139,8 @@ impl Network<'_> {
         let radius = binding_radius.as_ref().map(|radius| radius.get_ref().0);
         let (radius, chance) = match (rate, radius, rate_inside) {
             (Some(rate), None, None) => {
-                let share = rate.get_ref().0 / self.total_rate(draft);
-                (self.radius_for(draft, rate)?, ReactionRate::PerStep(share))
+                let fraction = rate.get_ref().0 / self.total_rate(draft);
+                (self.radius_for(draft, rate)?, ReactionRate::PerStep(fraction))
             }
             (Some(_), ..) => {
                 return draft.refuse(format!(

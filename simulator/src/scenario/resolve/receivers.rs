@@ -51,7 +51,7 @@ fn at_sites(
         };
     };
     let sites = lattice.places.map(u32::from);
-    let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), sites);
+    let shape = Shape::Lattice(lattice.size.map(|side| side.0 as f32), sites);
     let Some(count) = sites.into_iter().try_fold(1, u32::checked_mul) else {
         let message = format!("{sites:?} places are more than 2³² − 1; make them fewer");
         return Err(Problem::at(center, message));

@@ -79,12 +79,12 @@ fn shape(shape: file::Shape) -> Shape {
         file::Shape::Point => Shape::Point,
         file::Shape::Gaussian { width } => Shape::Gaussian(width.0 as f32),
         file::Shape::Ball { inner_radius, radius } => Shape::Shell(inner_radius.0 as f32, radius.0 as f32),
-        file::Shape::Box { size } => Shape::Box(size.map(|edge| edge.0 as f32)),
+        file::Shape::Box { size } => Shape::Box(size.map(|side| side.0 as f32)),
         file::Shape::Cylinder { axis, radius, length } => {
             Shape::Cylinder(number(axis), radius.0 as f32, length.0 as f32)
         }
         file::Shape::Lattice { size, places } => {
-            Shape::Lattice(size.map(|edge| edge.0 as f32), places.map(Into::into))
+            Shape::Lattice(size.map(|side| side.0 as f32), places.map(Into::into))
         }
     }
 }
@@ -144,7 +144,7 @@ fn source(
             }
             let volume = match shape {
                 Shape::Shell(inner, outer) => ball(dimensions, outer) - ball(dimensions, inner),
-                Shape::Box(edges) => edges[..dimensions].iter().copied().map(f64::from).product(),
+                Shape::Box(sides) => sides[..dimensions].iter().copied().map(f64::from).product(),
                 _ => {
                     let message =
                         "particles appear in a ball or in a box; these shapes have a volume".to_owned();
@@ -192,8 +192,8 @@ fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)
     };
     let inside = sides(&inset)?;
     let volume = sides(boundary)?.map(extent).into_iter().product();
-    let edges = inside.map(|[low, high]| high - low);
-    Some((inside.map(|[low, high]| 0.5 * (low + high)), Shape::Box(edges), volume))
+    let sides = inside.map(|[low, high]| high - low);
+    Some((inside.map(|[low, high]| 0.5 * (low + high)), Shape::Box(sides), volume))
 }
 
 /// Returns 1 along a frozen axis.

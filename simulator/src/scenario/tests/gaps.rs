@@ -115,8 +115,8 @@ fn planes_closer_than_some_steps_are_warned_of() {
 #[test]
 fn sphere_near_a_plane_or_in_a_narrow_box_has_no_right_equilibrium() {
     let sphere = "[[membrane]]\nname = 'm'\ncenter = [20, 20, 20]\nradius = 4\npermeability = 1\n";
-    let boxed = |edge: u32| {
-        format!("[boundary]\nkind = 'periodic'\nlow = [0, 0, 0]\nhigh = [{edge}, {edge}, {edge}]\n{sphere}")
+    let boxed = |side: u32| {
+        format!("[boundary]\nkind = 'periodic'\nlow = [0, 0, 0]\nhigh = [{side}, {side}, {side}]\n{sphere}")
     };
     let near = boxed(90) + "[[membrane]]\nname = 'n'\naxis = 'x'\nposition = 25\npermeability = 1\n";
     let said = warnings("1.01", &near, NO_DRIFT).join("\n");

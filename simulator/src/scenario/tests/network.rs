@@ -120,8 +120,8 @@ fn sources_are_everywhere_or_in_a_region() {
     let model = network(&(source("") + &source(ball) + walls)).unwrap().model;
     let [everywhere, region] = &model.transmitters[..] else { panic!("{:?}", model.transmitters) };
     assert_eq!([&everywhere.name[..], &region.name], ["-> A", "-> A (2)"]);
-    let Shape::Box(edges) = everywhere.shape else { panic!("{everywhere:?}") };
-    assert!(edges.into_iter().zip([0.9, 1.9, 3.9]).all(|(edge, is)| (edge - is).abs() < 1e-6), "{edges:?}");
+    let Shape::Box(sides) = everywhere.shape else { panic!("{everywhere:?}") };
+    assert!(sides.into_iter().zip([0.9, 1.9, 3.9]).all(|(side, is)| (side - is).abs() < 1e-6), "{sides:?}");
     assert_eq!(everywhere.center, [0.5, 1.0, 2.0]);
     let rate = |t: &crate::Transmitter| match &t.schedule {
         Schedule::Steady { from: 0.0, until: f64::INFINITY, rates } => rates[0],

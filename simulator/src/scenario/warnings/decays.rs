@@ -84,22 +84,22 @@ impl Lives {
     }
 
     fn message(&self, species: usize, rate: f64, model: &Model) -> Option<String> {
-        let (part, name) = (rate * model.time_step, &model.species[species].name);
+        let (expected_decays, name) = (rate * model.time_step, &model.species[species].name);
         let effect = match (self.is_late[species], self.is_early[species]) {
-            _ if part <= FAST_DECAY => return None,
+            _ if expected_decays <= FAST_DECAY => return None,
             (true, _) => "those that pairs or a species that can dissociate form, or that dissociate after a release within a step, \
                           decay in the next step at the earliest, so that they live half a step too long on average"
                 .to_owned(),
             (_, true) => format!(
                 "pairs react at the ends of steps, without those that decay in the step, so that up to {:.1} % too few react",
-                -100.0 * libm::expm1(-part)
+                -100.0 * libm::expm1(-expected_decays)
             ),
             _ => return None,
         };
         let longest = below(FAST_DECAY / rate);
         Some(format!(
             "{:.1} % of {name} decay in a step, and {effect}; time-step = {longest} is short enough",
-            100.0 * part
+            100.0 * expected_decays
         ))
     }
 }

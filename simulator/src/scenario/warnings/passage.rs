@@ -1,6 +1,6 @@
 use super::below;
 use crate::model::boundary::Axis;
-use crate::model::membrane::{MAX_PARTS, Membrane, MembraneSurface};
+use crate::model::membrane::{MAX_SUBSTEPS, Membrane, MembraneSurface};
 use crate::model::receiver::signed_distance;
 use crate::model::{Model, Species, share_species};
 
@@ -21,8 +21,8 @@ struct Gap {
 impl Gap {
     /// Returns the largest √(2DΔt) without a warning, in µm.
     fn longest_step(&self) -> f64 {
-        let parts = if self.are_planes { f64::from(MAX_PARTS) } else { 1.0 };
-        parts.sqrt() * self.length / STEPS_IN_GAP
+        let substeps = if self.are_planes { f64::from(MAX_SUBSTEPS) } else { 1.0 };
+        substeps.sqrt() * self.length / STEPS_IN_GAP
     }
 }
 

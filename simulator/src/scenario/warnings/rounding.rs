@@ -51,9 +51,10 @@ pub(in crate::scenario) fn rounded_unbinding(model: &Model, receiver: &Receiver)
     types.iter().flat_map(|kind| &kind.ligands).find_map(|ligand| {
         let species = &model.species[ligand.species as usize];
         // Least with all receptors free.
-        let part = desorption(model, receiver, ligand.species, |kind| types[kind].count).effective_part();
+        let fraction =
+            desorption(model, receiver, ligand.species, |kind| types[kind].count).effective_fraction();
         let (_, probability, rounded) =
-            rounded(&[(0, ligand.unbinding_rate * model.time_step * part)]).next()?;
+            rounded(&[(0, ligand.unbinding_rate * model.time_step * fraction)]).next()?;
         Some(message(&format!("unbinding of {} from {}", species.name, receiver.name), probability, rounded))
     })
 }

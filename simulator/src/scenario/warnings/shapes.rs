@@ -16,7 +16,7 @@ pub(in crate::scenario) fn misplaced_shape(transmitter: &Transmitter, boundary: 
     if let Some(message) = longer_than_period(transmitter, boundary) {
         return Some(message);
     }
-    let (beyond, outside) = parts_outside(transmitter, boundary);
+    let (beyond, outside) = fractions_outside(transmitter, boundary);
     // A Gaussian that walls mirror is that of diffusion before them.
     let is_mirrored = beyond > 0.0 && !matches!(transmitter.shape, Shape::Gaussian(_));
     let name = excerpt(transmitter.name.as_bytes());
@@ -47,10 +47,10 @@ fn longer_than_period(transmitter: &Transmitter, boundary: &Boundary) -> Option<
     if matches!(transmitter.shape, Shape::Gaussian(_)) {
         return None;
     }
-    let reach = transmitter.shape.reach();
+    let half_extent = transmitter.shape.half_extent();
     let of_axis = |k: usize| {
         let period = boundary.axes[k].period();
-        let length = 2.0 * reach[k] as f32;
+        let length = 2.0 * half_extent[k] as f32;
         (period > 0.0 && length > period * (1.0 + ROUNDING)).then_some((k, length, period))
     };
     let (axis, length, period) = (0..3).find_map(of_axis)?;
@@ -63,17 +63,17 @@ fn longer_than_period(transmitter: &Transmitter, boundary: &Boundary) -> Option<
 }
 
 /// Returns the parts of places beyond plane walls, and of the others outside a vessel.
-fn parts_outside(transmitter: &Transmitter, boundary: &Boundary) -> (f64, f64) {
+fn fractions_outside(transmitter: &Transmitter, boundary: &Boundary) -> (f64, f64) {
     let Transmitter { center, shape, .. } = *transmitter;
     if shape == Shape::Point {
         return (0.0, 0.0);
     }
     let slack = |at: f32, extent: f64| ROUNDING * (at.abs() + extent as f32);
-    let reach = shape.reach();
+    let half_extent = shape.half_extent();
     let is_beyond = |point: [f32; 3]| {
         (0..3).any(|k| match boundary.axes[k] {
             Axis::Reflecting { low, high } => {
-                let slack = slack(point[k], reach[k]);
+                let slack = slack(point[k], half_extent[k]);
                 point[k] < low - slack || point[k] > high + slack
             }
             _ => false,

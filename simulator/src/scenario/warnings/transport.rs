@@ -56,11 +56,11 @@ pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) 
             let radius = f64::from(model.boundary.vessel?.radius - one.radius);
             // The spread by the flow relative to diffusion's (Taylor and Aris).
             let spread = (mean * radius / one.diffusion).powi(2) / 48.0;
-            let part = spread / (1.0 + spread);
+            let fraction = spread / (1.0 + spread);
             let x = model.time_step * one.diffusion / (SLOWEST_MODE * radius * radius);
-            let off = part * (0.5 * x / (0.5 * x).tanh() - 1.0);
+            let off = fraction * (0.5 * x / (0.5 * x).tanh() - 1.0);
             let longest =
-                (12.0 * SPREAD_IN_FLOW / part).sqrt() * SLOWEST_MODE * radius * radius / one.diffusion;
+                (12.0 * SPREAD_IN_FLOW / fraction).sqrt() * SLOWEST_MODE * radius * radius / one.diffusion;
             (longest, format!("the spread along the vessel is {:.1} % too large", 100.0 * off))
         }
         Some(Flow::Field(field)) => {

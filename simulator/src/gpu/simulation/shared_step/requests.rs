@@ -76,11 +76,11 @@ impl GpuSimulation {
         &self,
         encoder: wgpu::CommandEncoder,
     ) -> Result<(ControlHeader, Vec<ReceptorRow>), Error> {
-        let parts = [
+        let sources = [
             (self.buffers.buffer("control"), size_of::<ControlHeader>() as u64),
             (self.buffers.buffer("receptors"), (4 * ROW_WORDS * self.tables.receptors.len()) as u64),
         ];
-        let read = read(&self.buffers.own, encoder, &parts)?;
+        let read = read(&self.buffers.own, encoder, &sources)?;
         let words: Vec<[u32; ROW_WORDS]> = bytemuck::pod_collect_to_vec(&read[1]);
         let row = |[count, bound, requests, first, tally]: [u32; ROW_WORDS]| ReceptorRow {
             count,
@@ -105,12 +105,12 @@ impl GpuSimulation {
             return Ok(Vec::new());
         }
         let particles = u64::from(self.particles_of_step());
-        let parts = [
+        let sources = [
             (self.steps.buffer("requesters"), 4 * requests),
             (self.steps.buffer("claims"), CLAIM_BYTES * particles),
             (self.steps.buffer("tags"), 8 * particles),
         ];
-        let read = read(&self.buffers.own, self.encoder(), &parts)?;
+        let read = read(&self.buffers.own, self.encoder(), &sources)?;
         let requesters: Vec<u32> = bytemuck::pod_collect_to_vec(&read[0]);
         let claims: Vec<[u32; CLAIM_BYTES as usize / 4]> = bytemuck::pod_collect_to_vec(&read[1]);
         let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[2]);
