@@ -96,7 +96,7 @@ pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -
     if space.scale == Scale::Linear {
         return even(range, quantity, space);
     }
-    let decades = DECADES.iter().map(|values| of_decades(range, values));
+    let decades = DECADES.iter().map(|values| decade_values(range, values));
     let fits = |ticks: &Vec<f64>| ticks.len() <= MAX_LABELS && space.holds(ticks, range, quantity);
     let candidates = decades.chain(sparse(range)).chain(steps(range)).filter(fits);
     candidates.reduce(|best, next| if next.len() > best.len() { next } else { best }).unwrap_or_default()
@@ -115,14 +115,14 @@ pub(crate) fn ticks_at(
     if space.holds(&values, range, quantity) { values } else { ticks(range, quantity, space) }
 }
 
-fn of_decades(range: &Range<f64>, values: &[f64]) -> Vec<f64> {
+fn decade_values(range: &Range<f64>, values: &[f64]) -> Vec<f64> {
     let exponents = range.start.log10().floor() as i32..=range.end.log10().ceil() as i32;
     let all = exponents.flat_map(|exponent| values.iter().map(move |value| scaled(*value, exponent)));
     all.filter(|value| range.contains(value)).collect()
 }
 
 fn sparse(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
-    let powers = of_decades(range, &[1.0]);
+    let powers = decade_values(range, &[1.0]);
     (2..powers.len().max(2)).map(move |step| powers.iter().copied().step_by(step).collect())
 }
 
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn measured_values_are_labeled_if_there_is_room() {
+    fn measured_values_are_labeled_if_they_fit() {
         let ratios = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
         assert_eq!(ticks_at(&ratios, &(0.38..10.4), Quantity::Number, ACROSS), ratios);
         let near: Vec<f64> = (0..40).map(|k| 1.0 + 0.1 * f64::from(k)).collect();

@@ -9,7 +9,7 @@ use twox_hash::XxHash64;
 
 const BUFFER_BYTES: usize = 1 << 16;
 
-pub(crate) fn of_bytes(bytes: &[u8]) -> u64 {
+pub(crate) fn xxh64(bytes: &[u8]) -> u64 {
     XxHash64::oneshot(0, bytes)
 }
 
@@ -24,7 +24,7 @@ impl Digest {
         Self { length: 0, hasher: XxHash64::with_seed(0) }
     }
 
-    pub(crate) fn of_next(reader: impl Read, length: u64) -> io::Result<Self> {
+    pub(crate) fn from_reader(reader: impl Read, length: u64) -> io::Result<Self> {
         let mut sink = DigestWriter::new(io::sink(), Self::new());
         io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, reader.take(length)), &mut sink)?;
         Ok(sink.digest)
@@ -84,23 +84,23 @@ mod tests {
     /// Checkpoints depend on the algorithm and its seed. Expected: `xxhsum -H64`.
     #[test]
     fn checksum_of_known_text_is_xxh64() {
-        assert_eq!(of_bytes(b""), 0xef46_db37_51d8_e999);
-        assert_eq!(of_bytes(b"abc"), 0x44bc_2cf5_ad77_0999);
+        assert_eq!(xxh64(b""), 0xef46_db37_51d8_e999);
+        assert_eq!(xxh64(b"abc"), 0x44bc_2cf5_ad77_0999);
     }
 
     #[test]
-    fn digest_in_pieces_equals_digest_at_once() {
+    fn digest_in_chunks_equals_digest_at_once() {
         let bytes: Vec<u8> = (0..1000_u32).flat_map(|k| (k * k).to_le_bytes()).collect();
         let mut writer = DigestWriter::new(Vec::new(), Digest::new());
-        for piece in bytes.chunks(37) {
-            writer.write_all(piece).expect("memory takes all");
+        for chunk in bytes.chunks(37) {
+            writer.write_all(chunk).expect("memory takes all");
         }
-        assert_eq!(writer.digest().checksum(), of_bytes(&bytes));
+        assert_eq!(writer.digest().checksum(), xxh64(&bytes));
         assert_eq!(writer.digest().length(), 4000);
-        let head = Digest::of_next(&bytes[..], 1500).expect("memory is read");
-        assert_eq!((head.length(), head.checksum()), (1500, of_bytes(&bytes[..1500])));
+        let head = Digest::from_reader(&bytes[..], 1500).expect("memory is read");
+        assert_eq!((head.length(), head.checksum()), (1500, xxh64(&bytes[..1500])));
         let mut writer = DigestWriter::new(Vec::new(), head);
         writer.write_all(&bytes[1500..]).expect("memory takes all");
-        assert_eq!(writer.digest().checksum(), of_bytes(&bytes));
+        assert_eq!(writer.digest().checksum(), xxh64(&bytes));
     }
 }

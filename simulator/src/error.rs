@@ -55,7 +55,7 @@ pub enum Error {
         collisions: u64,
     },
     #[error(
-        "step {step}: a particle moves up to {way:.3e} µm in one step, and collisions are followed over {limit:.3e} µm at most, \
+        "step {step}: a particle moves up to {path_length:.3e} µm in one step, and collisions are followed over {limit:.3e} µm at most, \
          {searches} times the distance that one search for neighbors covers; shorten the time step, or let contact = \"count\" \
          only count overlaps"
     )]
@@ -63,7 +63,7 @@ pub enum Error {
         /// Step, from 0.
         step: u32,
         /// In µm.
-        way: f64,
+        path_length: f64,
         /// In µm.
         limit: f64,
         /// Largest number of searches for neighbors in a step.

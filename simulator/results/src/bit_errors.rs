@@ -33,7 +33,7 @@ impl Detector {
         }
     }
 
-    fn of(self, counts: impl Iterator<Item = u64>) -> u64 {
+    fn value(self, counts: impl Iterator<Item = u64>) -> u64 {
         match self {
             Self::Peak => counts.max().unwrap_or(0),
             Self::Energy => counts.map(|count| count.saturating_mul(count)).fold(0, u64::saturating_add),
@@ -113,10 +113,10 @@ impl BitErrors {
             let sent = message.symbol(k as u32, self.transmitter as u32, Key::new(files.seed));
             let seen = match self.decision {
                 DetectionRule::Level(_) => {
-                    self.detector.of(counts.iter().map(|entries| entries.iter().sum()))
+                    self.detector.value(counts.iter().map(|entries| entries.iter().sum()))
                 }
                 DetectionRule::Species => {
-                    let own = |entry: usize| self.detector.of(counts.iter().map(|entries| entries[entry]));
+                    let own = |entry: usize| self.detector.value(counts.iter().map(|entries| entries[entry]));
                     // First of equal ones.
                     (0..entries).rev().max_by_key(|&entry| own(entry)).unwrap_or(0) as u64
                 }
@@ -144,7 +144,7 @@ impl BitErrors {
             let mut counts = vec![vec![vec![0_u64; release.len()]]; slots.len()];
             for arrival in files.log.arrivals.iter().filter(|arrival| arrival.receiver == self.receiver) {
                 let entry = release.iter().position(|&(species, _)| species as usize == arrival.species);
-                if let (Some(entry), Some(slot)) = (entry, slots.of_arrival(arrival.step)) {
+                if let (Some(entry), Some(slot)) = (entry, slots.slot_of_arrival(arrival.step)) {
                     counts[slot][0][entry] += 1;
                 }
             }
@@ -154,7 +154,7 @@ impl BitErrors {
             release.iter().map(|&(species, _)| column_of(model, self.receiver, species as usize)).collect();
         let mut counts = vec![Vec::new(); slots.len()];
         for (row, &step) in files.series.steps.iter().enumerate() {
-            if let Some(slot) = slots.of_release(step) {
+            if let Some(slot) = slots.slot_of_release(step) {
                 let count = |column: &Option<usize>| column.map_or(0, |column| files.series.row(row)[column]);
                 counts[slot].push(columns.iter().map(count).collect());
             }

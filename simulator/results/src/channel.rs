@@ -33,7 +33,7 @@ impl Channels {
     ///
     /// # Errors
     /// See [`Log::read`].
-    pub fn of<'a>(
+    pub fn from_runs<'a>(
         model: &Model,
         steps: u32,
         runs: impl IntoIterator<Item = (u64, &'a Path)>,
@@ -105,7 +105,7 @@ impl Channels {
         let sent: Vec<_> = messages(model)
             .map(|(index, message)| (index, message, SymbolSlots::new(message, model.time_step, 0, steps)))
             .collect();
-        let of = |transmitter: usize| sent.iter().find(|sent| sent.0 == transmitter);
+        let symbol_slots = |transmitter: usize| sent.iter().find(|sent| sent.0 == transmitter);
         let is_momentary = |link: Link| model.receivers[link.receiver].is_momentary();
         for response in &mut self.responses {
             match is_momentary(response.link) {
@@ -114,19 +114,19 @@ impl Channels {
             }
         }
         for own in &mut self.interference {
-            let Some((_, _, slots)) = of(own.link.transmitter) else { continue };
+            let Some((_, _, slots)) = symbol_slots(own.link.transmitter) else { continue };
             match is_momentary(own.link) {
                 true => own.add_momentary(log, rows, slots),
                 false => own.add(log, slots),
             }
         }
         for counts in &mut self.by_symbol {
-            if let Some((_, _, slots)) = of(counts.link.transmitter) {
+            if let Some((_, _, slots)) = symbol_slots(counts.link.transmitter) {
                 counts.add(&files.series, model, files.seed, slots);
             }
         }
         for errors in &mut self.bit_errors {
-            if let Some((_, message, _)) = of(errors.transmitter) {
+            if let Some((_, message, _)) = symbol_slots(errors.transmitter) {
                 let slots = SymbolSlots::new(message, model.time_step, errors.delay, steps);
                 errors.add(files, model, &slots);
             }

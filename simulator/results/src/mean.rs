@@ -89,25 +89,25 @@ pub struct MeanSeries {
 }
 
 impl MeanSeries {
-    /// Averages the series of finished replicas and writes `mean.csv`. Removes from `results.done` replicas whose
+    /// Averages the series of finished replicas and writes `mean.csv`. Removes from `results.finished` replicas whose
     /// series misses the scenario's last row.
     ///
     /// # Errors
     /// [`Error::Read`], [`Error::Write`] and [`Error::TooLittleMemory`].
-    pub fn of_replicas(replicas: &Replicas, results: &mut ReplicaResults) -> Result<Self, Error> {
+    pub fn from_replicas(replicas: &Replicas, results: &mut ReplicaResults) -> Result<Self, Error> {
         let scenario = &replicas.run.scenario;
         let last = scenario.steps - scenario.steps % scenario.output.every;
-        let (mut mean, mut done) = (Self::default(), Vec::new());
-        for &replica in &results.done {
+        let (mut mean, mut finished) = (Self::default(), Vec::new());
+        for &replica in &results.finished {
             let path = replicas.directory_of(replica).join("series.csv");
             let series = Series::read(&path)?;
             if series.steps.last() == Some(&last) {
                 mean.add(&series, &path)?;
-                done.push(replica);
+                finished.push(replica);
             }
         }
         write_atomically(&replicas.run.directory.join("mean.csv"), |out| mean.write(out))?;
-        results.done = done;
+        results.finished = finished;
         Ok(mean)
     }
 

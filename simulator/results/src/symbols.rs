@@ -30,14 +30,14 @@ impl SymbolSlots {
 
     /// Returns the slot of a release or a row. A row of momentary counts includes the releases of its step, so the row
     /// at a slot's end belongs to the next one.
-    pub(crate) fn of_release(&self, step: u32) -> Option<usize> {
+    pub(crate) fn slot_of_release(&self, step: u32) -> Option<usize> {
         let after = self.bounds.partition_point(|&begin| begin <= step);
         (1..=self.len()).contains(&after).then(|| after - 1)
     }
 
     /// Returns the slot of an arrival, whose step ends at `step`.
-    pub(crate) fn of_arrival(&self, step: u32) -> Option<usize> {
-        self.of_release(step.checked_sub(1)?)
+    pub(crate) fn slot_of_arrival(&self, step: u32) -> Option<usize> {
+        self.slot_of_release(step.checked_sub(1)?)
     }
 }
 
@@ -74,7 +74,7 @@ impl Interference {
             let is_own = (transmitter, arrival.receiver, arrival.species)
                 == (link.transmitter, link.receiver, link.species);
             if let (true, Some(from), Some(to)) =
-                (is_own, slots.of_release(step), slots.of_arrival(arrival.step))
+                (is_own, slots.slot_of_release(step), slots.slot_of_arrival(arrival.step))
                 && let Some(count) = to.checked_sub(from).and_then(|lag| arrived.get_mut(lag))
             {
                 *count += 1;
@@ -89,13 +89,13 @@ impl Interference {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, self.from, log, slots);
         let (mut inside, mut seen) = (vec![0_u64; lags], vec![0_u64; lags]);
-        for slot in rows.iter().filter_map(|&step| slots.of_release(step)) {
+        for slot in rows.iter().filter_map(|&step| slots.slot_of_release(step)) {
             (0..lags.min(slot + 1)).for_each(|lag| seen[lag] += released[slot - lag]);
         }
         for own in &log.inside {
             let Some((transmitter, step)) = own.origin else { continue };
             if link == (Link { transmitter, receiver: own.receiver, species: own.species })
-                && let (Some(from), Some(to)) = (slots.of_release(step), slots.of_release(own.step))
+                && let (Some(from), Some(to)) = (slots.slot_of_release(step), slots.slot_of_release(own.step))
                 && let Some(count) = to.checked_sub(from).and_then(|lag| inside.get_mut(lag))
             {
                 *count += own.count;
@@ -107,8 +107,8 @@ impl Interference {
     fn add_fractions(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
         // `None` until own slots have a sample, without which the late fraction is unknown.
         let (mut own, mut late) = (None, 0.0);
-        for (lag, (count, of)) in counts.enumerate().filter(|(_, (_, of))| *of > 0) {
-            let fraction = count as f64 / of as f64;
+        for (lag, (count, seen)) in counts.enumerate().filter(|(_, (_, seen))| *seen > 0) {
+            let fraction = count as f64 / seen as f64;
             self.by_lag[lag].add(fraction);
             match lag {
                 0 => own = Some(fraction),
@@ -124,7 +124,7 @@ impl Interference {
 fn released(link: Link, from: SourceSpecies, log: &Log, slots: &SymbolSlots) -> Vec<u64> {
     let mut released = vec![0_u64; slots.len()];
     for release in link.releases(log, from) {
-        if let Some(slot) = slots.of_release(release.step) {
+        if let Some(slot) = slots.slot_of_release(release.step) {
             released[slot] += release.count;
         }
     }
@@ -197,11 +197,11 @@ pub(crate) mod tests {
         assert!(slots(14).is_empty());
         let slots = slots(100);
         assert_eq!(
-            [4, 5, 14, 15, 44, 45].map(|step| slots.of_release(step)),
+            [4, 5, 14, 15, 44, 45].map(|step| slots.slot_of_release(step)),
             [None, Some(0), Some(0), Some(1), Some(3), None]
         );
         assert_eq!(
-            [5, 6, 15, 16, 45, 46].map(|step| slots.of_arrival(step)),
+            [5, 6, 15, 16, 45, 46].map(|step| slots.slot_of_arrival(step)),
             [None, Some(0), Some(0), Some(1), Some(3), None]
         );
     }

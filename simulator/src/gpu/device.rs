@@ -72,8 +72,10 @@ pub(super) fn read(
     with_error_scope(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
     let lost = |reason: String| refused(lazygrid::Error::DeviceLost { reason });
     let (tell, answer) = std::sync::mpsc::channel();
-    let done = move |result| drop(tell.send(result));
-    with_error_scope(own, "the readback", size, || staging.slice(..).map_async(wgpu::MapMode::Read, done))?;
+    let on_mapped = move |result| drop(tell.send(result));
+    with_error_scope(own, "the readback", size, || {
+        staging.slice(..).map_async(wgpu::MapMode::Read, on_mapped)
+    })?;
     let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.poll(wait).map_err(refused)?;
     // Another polling thread may deliver the answer slightly later.

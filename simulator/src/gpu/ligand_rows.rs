@@ -37,7 +37,7 @@ impl<'a> LigandRows<'a> {
                 continue;
             }
             let begin = rows.len();
-            rows.extend(self.of(species, event));
+            rows.extend(self.rows_for(species, event));
             let [ligands_begin, ligands_end] = [begin, rows.len()].map(|row| row as u32);
             for row in (begin..rows.len()).chain([at]) {
                 rows[row] = EventRow { ligands_begin, ligands_end, ..rows[row] };
@@ -45,7 +45,7 @@ impl<'a> LigandRows<'a> {
         }
     }
 
-    fn of(&self, species: u32, event: EventRow) -> impl Iterator<Item = EventRow> {
+    fn rows_for(&self, species: u32, event: EventRow) -> impl Iterator<Item = EventRow> {
         let Self { model, tallies, .. } = self;
         let (index, time_step) = (event.receiver as usize, model.time_step);
         let receiver = &model.receivers[index];

@@ -130,7 +130,7 @@ impl Cells {
     fn new<'a>(
         receivers: impl Iterator<Item = &'a Sphere>,
         search_distance: f32,
-        room: &Boundary,
+        boundary: &Boundary,
         most: usize,
     ) -> Self {
         let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
@@ -143,7 +143,7 @@ impl Cells {
                 high[k] = high[k].max(f64::from(center[k]) + beyond);
             }
         }
-        for (k, axis) in room.axes.into_iter().enumerate() {
+        for (k, axis) in boundary.axes.into_iter().enumerate() {
             if let Axis::Periodic { low: from, high: to } = axis {
                 [low[k], high[k]] = [f64::from(from), f64::from(to)];
             } else {
@@ -219,14 +219,14 @@ mod tests {
     fn list_of(
         receiver_cells: &ReceiverCells,
         kind: &SpeciesRow,
-        room: &Boundary,
+        boundary: &Boundary,
         point: [f32; 3],
     ) -> Option<Vec<u32>> {
         let ReceiverCellsHeader { low, cells_per_length, counts: cells } = receiver_cells.head;
         let at = ((Vec3::from_array(point) - low) * cells_per_length).floor().to_array();
         let is_within = |k: usize| at[k] >= 0.0 && at[k] < cells[k] as f32;
         if let Some(axis) = (0..3).find(|&k| !is_within(k)).map(|_| (0..3).filter(|&k| !is_within(k))) {
-            let mut axes = axis.map(|k| room.axes[k]);
+            let mut axes = axis.map(|k| boundary.axes[k]);
             return (!axes.any(|axis| matches!(axis, Axis::Periodic { .. }))).then(Vec::new);
         }
         let cell = at.map(|c| c as u32);
@@ -238,14 +238,14 @@ mod tests {
 
     #[test]
     fn lists_contain_all_receivers_within_distance() {
-        let rooms = [
+        let boundaries = [
             (Boundary::default(), 10.0),
             (Boundary::default(), 1e-6),
             (Boundary::default(), 1e9),
             (Boundary::periodic([-5.0; 3], [5.0; 3]), 10.0),
             (Boundary::reflecting([-5.0; 3], [5.0; 3]), 10.0),
         ];
-        for (room, scale) in rooms {
+        for (boundary, scale) in boundaries {
             let event = |k: u32| EventRow {
                 receiver: k % MANY,
                 radius: 0.01 * scale * (1 + k % 5) as f32,
@@ -261,21 +261,21 @@ mod tests {
                 ..SpeciesRow::default()
             };
             let species_rows = [kind(0, 0.01), kind(1, 0.05)];
-            let mut builder = ReceiverCellsBuilder::new(&species_rows, &event_rows, room);
+            let mut builder = ReceiverCellsBuilder::new(&species_rows, &event_rows, boundary);
             let mut centers: Vec<[f32; 3]> = (0..MANY).map(|k| point(k, scale)).collect();
-            if room.is_unbounded() {
+            if boundary.is_unbounded() {
                 centers[7][1] = 40.0 * scale;
             }
             let displacements: Vec<f32> = (0..MANY).map(|k| 0.01 * scale * (k % 3) as f32).collect();
             for (displacements, max_displacement) in [(&[][..], 0.0), (&displacements[..], 0.004 * scale)] {
                 let receiver_cells = builder.build(&centers, displacements, max_displacement).expect("lists");
                 assert!(receiver_cells.words.len() <= builder.max_words());
-                let (mut listed, mut asked) = (0, 0);
+                let (mut listed, mut queries) = (0, 0);
                 for k in 0..4_000 {
                     let kind = &species_rows[k as usize % 2];
-                    let point = room.confine(point(1_000 + k, 1.2 * scale));
-                    let Some(list) = list_of(&receiver_cells, kind, &room, point) else { continue };
-                    asked += 1;
+                    let point = boundary.confine(point(1_000 + k, 1.2 * scale));
+                    let Some(list) = list_of(&receiver_cells, kind, &boundary, point) else { continue };
+                    queries += 1;
                     listed += list.len();
                     assert!(
                         list.is_sorted()
@@ -285,14 +285,17 @@ mod tests {
                         let EventRow { receiver, radius, .. } = event_rows[at as usize];
                         let begin = centers[receiver as usize];
                         let away = displacements.get(receiver as usize).copied().unwrap_or(0.0);
-                        let gap = signed_distance(radius + away, begin, &room, point);
+                        let gap = signed_distance(radius + away, begin, &boundary, point);
                         assert!(
                             gap > kind.reach + 3.0 * max_displacement || list.contains(&at),
-                            "{at} is {gap} away, {room:?}"
+                            "{at} is {gap} away, {boundary:?}"
                         );
                     }
                 }
-                assert!(asked > 3_900 && listed < 20 * asked, "{listed} of {asked}, {room:?}, {scale}");
+                assert!(
+                    queries > 3_900 && listed < 20 * queries,
+                    "{listed} of {queries}, {boundary:?}, {scale}"
+                );
             }
         }
     }
@@ -303,8 +306,8 @@ mod tests {
         let kind =
             SpeciesRow { decays_begin: 5_000, events_end: 5_000, reach: 0.01, ..SpeciesRow::default() };
         let mut builder = ReceiverCellsBuilder::new(&[kind], &event_rows, Boundary::default());
-        let room = builder.max_words();
+        let capacity = builder.max_words();
         let receiver_cells = builder.build(&[[0.0; 3]], &[], 0.0).expect("lists");
-        assert!(receiver_cells.words.len() <= room, "{} of {room}", receiver_cells.words.len());
+        assert!(receiver_cells.words.len() <= capacity, "{} of {capacity}", receiver_cells.words.len());
     }
 }

@@ -45,8 +45,8 @@ impl ReceiverTrajectory {
         for step in first..first + if moves { steps } else { 0 } {
             let receiver_moves = receiver_state::move_receivers(model, &here, key, step);
             for (&center, receiver_move) in here.iter().zip(&receiver_moves) {
-                let way = receiver_move.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
-                trajectory.head.max_displacement = trajectory.head.max_displacement.max(way);
+                let displacement = receiver_move.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
+                trajectory.head.max_displacement = trajectory.head.max_displacement.max(displacement);
                 trajectory.rows.push(ReceiverRow {
                     center: center.into(),
                     displacement: receiver_move.displacement.into(),
@@ -70,11 +70,11 @@ impl ReceiverTrajectory {
         trajectory
     }
 
-    /// Returns the receivers after `done` steps, at least one of which is in the trajectory.
-    pub(super) fn receiver_moves_at(&self, done: u32) -> Vec<ReceiverMove> {
-        let mut receiver_moves = ReceiverMove::at_rest(self.centers_at(done));
+    /// Returns the receivers after `steps` steps, at least one of which is in the trajectory.
+    pub(super) fn receiver_moves_at(&self, steps: u32) -> Vec<ReceiverMove> {
+        let mut receiver_moves = ReceiverMove::at_rest(self.centers_at(steps));
         if self.head.stride > 0 {
-            let first = (done - 1 - self.head.first) as usize * receiver_moves.len();
+            let first = (steps - 1 - self.head.first) as usize * receiver_moves.len();
             let rows = &self.rows[first..];
             receiver_moves
                 .iter_mut()
@@ -84,8 +84,8 @@ impl ReceiverTrajectory {
         receiver_moves
     }
 
-    pub(super) fn centers_at(&self, done: u32) -> &[[f32; 3]] {
-        let at = if self.head.stride == 0 { 0 } else { (done - self.head.first) as usize };
+    pub(super) fn centers_at(&self, steps: u32) -> &[[f32; 3]] {
+        let at = if self.head.stride == 0 { 0 } else { (steps - self.head.first) as usize };
         &self.centers[at]
     }
 }

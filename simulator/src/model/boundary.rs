@@ -52,7 +52,7 @@ impl Axis {
 
     /// Returns `true` if an odd number of reflections reverses a path that would end at `x` without walls.
     #[inline(always)]
-    pub fn turns(self, x: f32) -> bool {
+    pub fn reverses(self, x: f32) -> bool {
         match self {
             Self::Reflecting { low, high } if x < low || x > high => {
                 let length = high - low;
@@ -246,7 +246,7 @@ mod tests {
     #[test]
     fn odd_number_of_reflections_reverses_the_path() {
         let axis = Axis::Reflecting { low: -1.0, high: 3.0 };
-        for (to, turns) in [
+        for (to, reverses) in [
             (0.5, false),
             (3.0, false),
             (-1.0, false),
@@ -256,9 +256,9 @@ mod tests {
             (-6.0, false),
             (-9.5, true),
         ] {
-            assert_eq!(axis.turns(to), turns, "{to}");
+            assert_eq!(axis.reverses(to), reverses, "{to}");
         }
-        assert!(!Axis::Open.turns(9.0) && !Axis::Periodic { low: 0.0, high: 1.0 }.turns(1.5));
+        assert!(!Axis::Open.reverses(9.0) && !Axis::Periodic { low: 0.0, high: 1.0 }.reverses(1.5));
     }
 
     #[test]

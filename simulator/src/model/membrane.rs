@@ -186,9 +186,9 @@ impl MembraneStep<'_> {
     }
 
     pub(crate) fn separates(&self, [a, b]: [[f32; 3]; 2]) -> bool {
-        let way = self.domain.displacement(a, b);
+        let displacement = self.domain.displacement(a, b);
         let is_across_plane = (0..3).any(|axis| {
-            let is_above = |at: f32| [a[axis] >= at, a[axis] + way[axis] >= at];
+            let is_above = |at: f32| [a[axis] >= at, a[axis] + displacement[axis] >= at];
             self.planes(axis).map(|(_, at)| is_above(at)).any(|[a, b]| a != b)
         });
         is_across_plane || self.is_across_sphere([a, b])

@@ -100,37 +100,37 @@ impl Vessel {
         }
         let mut at = self.offset(from.map(f64::from));
         let end = self.offset(to.map(f64::from));
-        let way: [f64; 3] = std::array::from_fn(|k| end[k] - at[k]);
+        let displacement: [f64; 3] = std::array::from_fn(|k| end[k] - at[k]);
         let outside = (self.length(at) / radius).max(1.0);
         at = at.map(|c| c / outside);
-        let at = self.follow(at, way, |_, normal, _| {
+        let at = self.follow(at, displacement, |_, normal, _| {
             *velocity = mirrored(velocity.map(f64::from), normal).map(|v| v as f32);
         });
         self.put(&mut to, at);
         to
     }
 
-    /// Returns the offset at the end. At each reflection, calls `turn` with the offset, the normal and the fraction of
+    /// Returns the offset at the end. At each reflection, calls `on_reflection` with the offset, the normal and the fraction of
     /// the remaining path.
     #[inline(always)]
     fn follow(
         &self,
         mut at: [f64; 3],
-        mut way: [f64; 3],
-        mut turn: impl FnMut([f64; 3], [f64; 3], f64),
+        mut displacement: [f64; 3],
+        mut on_reflection: impl FnMut([f64; 3], [f64; 3], f64),
     ) -> [f64; 3] {
         let radius = f64::from(self.radius);
         for _ in 0..BOUNCES {
-            let [a, b] = [dot(way, way), dot(at, way)];
+            let [a, b] = [dot(displacement, displacement), dot(at, displacement)];
             let c = (dot(at, at) - radius * radius).min(0.0);
             let t = (-b + (b * b - a * c).max(0.0).sqrt()) / a;
             if a == 0.0 || t >= 1.0 {
-                return std::array::from_fn(|k| at[k] + way[k]);
+                return std::array::from_fn(|k| at[k] + displacement[k]);
             }
-            at = std::array::from_fn(|k| at[k] + t * way[k]);
+            at = std::array::from_fn(|k| at[k] + t * displacement[k]);
             let normal = at.map(|c| c / radius);
-            turn(at, normal, t);
-            way = mirrored(way.map(|c| (1.0 - t) * c), normal);
+            on_reflection(at, normal, t);
+            displacement = mirrored(displacement.map(|c| (1.0 - t) * c), normal);
         }
         at
     }

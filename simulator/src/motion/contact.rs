@@ -140,7 +140,8 @@ impl Contacts {
                 self.boundary.axes[k].displacement_exact(f64::from(q[k]) - f64::from(p[k])) / distance
             })
         } else {
-            let [_, _, first, second] = now.of_particle(particles.id[i]).draw(particles.id[j], Purpose::Pair);
+            let [_, _, first, second] =
+                now.for_particle(particles.id[i]).draw(particles.id[j], Purpose::Pair);
             self.boundary.direction_within(direction(first, second)).map(f64::from)
         };
         let [da, db] = [i, j].map(|at| self.diffusion[particles.species[at] as usize]);

@@ -93,7 +93,8 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         spread: (2.0 * diffusion).sqrt(),
         drift: length(drift),
     };
-    let bridge = |piece: u32| BrownianBridge { receiver, domain, who, first: piece * 2 * LAST };
+    let bridge =
+        |segment_index: u32| BrownianBridge { receiver, domain, who, first: segment_index * 2 * LAST };
     let mut to = path.free;
     if let Some(along) = domain.along() {
         to[along] = path.end[along];
@@ -101,9 +102,9 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
     let is_long = is_long(segment.drift, segment.spread, receiver.receiver.radius);
     let corners = is_long.then(|| corners(domain, path, to)).flatten();
     let Some(corners) = corners else { return bridge(0).hits(segment) };
-    (0..).zip(corners.windows(2)).find_map(|(piece, ends)| {
+    (0..).zip(corners.windows(2)).find_map(|(segment_index, ends)| {
         let &[from, to] = ends else { return None };
-        bridge(piece).hits(segment.piece([from, to]))
+        bridge(segment_index).hits(segment.between([from, to]))
     })
 }
 
@@ -228,7 +229,7 @@ struct PathSegment {
 
 impl PathSegment {
     /// Returns a piece of a whole path between two corners.
-    fn piece(&self, [(begin, from), (end, to)]: [(f64, [f64; 3]); 2]) -> Self {
+    fn between(&self, [(begin, from), (end, to)]: [(f64, [f64; 3]); 2]) -> Self {
         let duration = (end - begin) as f32;
         Self {
             number: 1,
@@ -310,25 +311,25 @@ struct Line {
 /// Cuts the line at plane walls and at changes of the receiver's nearest image.
 fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> {
     let Line { ends: [from, to], begin, duration: of_step } = line;
-    let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
+    let line_displacement: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let radius = f64::from(body.receiver.radius);
     let center = body.center_at(begin as f32);
     let displacement = body.displacement.map(|c| of_step * f64::from(c));
     let hit_at = |time: f64| Hit::at((begin + of_step * time) as f32);
     let mut cuts = Vec::new();
     for (k, axis) in domain.axes.into_iter().enumerate() {
-        let (first, period, way) = match axis {
+        let (first, period, relative) = match axis {
             Axis::Open | Axis::Frozen => continue,
-            Axis::Reflecting { low, high } => (f64::from(low), f64::from(high - low), way[k]),
+            Axis::Reflecting { low, high } => (f64::from(low), f64::from(high - low), line_displacement[k]),
             Axis::Periodic { low, high } => {
                 let half = 0.5 * f64::from(high - low);
-                (f64::from(center[k]) + half, f64::from(high - low), way[k] - displacement[k])
+                (f64::from(center[k]) + half, f64::from(high - low), line_displacement[k] - displacement[k])
             }
         };
-        let to = from[k] + way;
+        let to = from[k] + relative;
         let [low, high] = [from[k].min(to), from[k].max(to)].map(|x| (x - first) / period);
         let planes = (low.ceil() as i64..=high.floor() as i64).take(CUTS);
-        cuts.extend(planes.map(|plane| (first + plane as f64 * period - from[k]) / way));
+        cuts.extend(planes.map(|plane| (first + plane as f64 * period - from[k]) / relative));
     }
     let begins_inside = |k: usize| match domain.axes[k] {
         Axis::Reflecting { low, high } => (f64::from(low)..=f64::from(high)).contains(&from[k]),
@@ -337,33 +338,33 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> 
     // A line after a reflection in a vessel may begin beyond a wall.
     if cuts.is_empty() && (0..3).all(begins_inside) {
         let from = domain.displacement(center, from.map(|x| x as f32)).map(f64::from);
-        let way = std::array::from_fn(|k| way[k] - displacement[k]);
-        return entry_time(from, way, radius).map(hit_at);
+        let relative = std::array::from_fn(|k| line_displacement[k] - displacement[k]);
+        return entry_time(from, relative, radius).map(hit_at);
     }
     cuts.extend([0.0, 1.0]);
     cuts.retain(|t| (0.0..=1.0).contains(t));
     cuts.sort_unstable_by(f64::total_cmp);
     cuts.windows(2).find_map(|cut| {
         let (middle, duration) = (0.5 * (cut[0] + cut[1]), cut[1] - cut[0]);
-        let point: [f32; 3] = std::array::from_fn(|k| (from[k] + middle * way[k]) as f32);
-        let way: [f64; 3] = std::array::from_fn(|k| {
-            let own = if domain.axes[k].turns(point[k]) { -duration * way[k] } else { duration * way[k] };
-            own - duration * displacement[k]
+        let point: [f32; 3] = std::array::from_fn(|k| (from[k] + middle * line_displacement[k]) as f32);
+        let relative: [f64; 3] = std::array::from_fn(|k| {
+            let signed_duration = if domain.axes[k].reverses(point[k]) { -duration } else { duration };
+            signed_duration * line_displacement[k] - duration * displacement[k]
         });
         let center = body.center_at((begin + of_step * middle) as f32);
         let middle = domain.displacement(center, domain.confine(point)).map(f64::from);
-        let time = entry_time(std::array::from_fn(|k| middle[k] - 0.5 * way[k]), way, radius)?;
+        let time = entry_time(std::array::from_fn(|k| middle[k] - 0.5 * relative[k]), relative, radius)?;
         Some(hit_at(cut[0] + duration * time))
     })
 }
 
-fn entry_time(from: [f64; 3], way: [f64; 3], radius: f64) -> Option<f64> {
+fn entry_time(from: [f64; 3], displacement: [f64; 3], radius: f64) -> Option<f64> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let outside = dot(from, from) - radius * radius;
     if outside <= 0.0 {
         return Some(0.0);
     }
-    let (square, approach) = (dot(way, way), -dot(from, way));
+    let (square, approach) = (dot(displacement, displacement), -dot(from, displacement));
     let root = approach * approach - square * outside;
     let time = outside / (approach + root.max(0.0).sqrt());
     (approach > 0.0 && root >= 0.0 && time <= 1.0).then_some(time)

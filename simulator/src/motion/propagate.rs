@@ -156,7 +156,7 @@ impl Propagator {
                             position: [x[at], y[at], z[at]],
                             velocity: own,
                         };
-                        self.flight(start, normal, now.of_particle(id))
+                        self.flight(start, normal, now.for_particle(id))
                     }
                 };
                 let mut path = flight.path;
@@ -167,11 +167,11 @@ impl Propagator {
                     let mut moved = ParticleMove {
                         at,
                         species,
-                        who: now.of_particle(id),
+                        who: now.for_particle(id),
                         path,
                         free_end: flight.free_end,
                         path_length: 0.0,
-                        turns: None,
+                        reflection: None,
                         velocity: own,
                     };
                     if has_membranes {
@@ -289,7 +289,7 @@ impl Propagator {
         let resolve = |(k, moved): (usize, &mut ParticleMove)| {
             let (mut events, begun) = (Vec::new(), *moved);
             let search_radius = around_beginning(moved);
-            let (near, ball) = found.of(k, search_radius, (&self.surfaces.bodies, &self.whole));
+            let (near, ball) = found.receivers_near(k, search_radius, (&self.surfaces.bodies, &self.whole));
             self.resolve_events(
                 moved,
                 near.iter().map(|&k| &self.surfaces.bodies.all[k as usize]),

@@ -27,9 +27,13 @@ pub(crate) struct StepBounds {
 impl StepBounds {
     #[inline(always)]
     pub(crate) fn new(path: &Path, more: f32) -> Self {
-        let way: [f32; 3] = std::array::from_fn(|k| path.end[k] - path.before[k]);
-        let half = 0.5 * (way[0] * way[0] + way[1] * way[1] + way[2] * way[2]).sqrt();
-        Self { middle: std::array::from_fn(|k| path.before[k] + 0.5 * way[k]), half, more }
+        let displacement: [f32; 3] = std::array::from_fn(|k| path.end[k] - path.before[k]);
+        let half = 0.5
+            * (displacement[0] * displacement[0]
+                + displacement[1] * displacement[1]
+                + displacement[2] * displacement[2])
+                .sqrt();
+        Self { middle: std::array::from_fn(|k| path.before[k] + 0.5 * displacement[k]), half, more }
     }
 
     pub(crate) fn around_beginning(&self) -> f32 {
@@ -187,7 +191,7 @@ pub(crate) struct Found<'a> {
 
 impl Found<'_> {
     /// Returns the receivers within `reach`, and the new clear sphere.
-    pub(crate) fn of(
+    pub(crate) fn receivers_near(
         &self,
         k: usize,
         max_gap: f32,

@@ -16,12 +16,12 @@ pub(crate) struct ReflectedPath {
     pub(crate) first: u32,
     /// Length of the path; moving spheres lengthen it.
     pub(crate) path_length: f32,
-    pub(crate) turns: PathTurns,
+    pub(crate) reflection: PathReflection,
 }
 
 /// The first contact with a sphere, and the last segment, extended backwards to the length of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct PathTurns {
+pub(crate) struct PathReflection {
     pub(crate) contact: [f32; 3],
     pub(crate) last: [[f32; 3]; 2],
 }
@@ -70,16 +70,16 @@ pub(crate) fn reflect_path(
         let out = obstacle.offset_at(traveled, time);
         let distance = dot(out, out).sqrt();
         let normal = out.map(|c| c / distance);
-        displacement = turned(displacement, obstacle.displacement, normal);
+        displacement = reflected_velocity(displacement, obstacle.displacement, normal);
         let drift = obstacle.body.drift.map(f64::from);
-        *velocity = turned(velocity.map(f64::from), drift, normal).map(|c| c as f32);
+        *velocity = reflected_velocity(velocity.map(f64::from), drift, normal).map(|c| c as f32);
     }
     let (first, contact) = first?;
     let end = at(traveled);
-    let turns =
-        PathTurns { contact, last: [at(std::array::from_fn(|k| traveled[k] - displacement[k])), end] };
+    let reflection =
+        PathReflection { contact, last: [at(std::array::from_fn(|k| traveled[k] - displacement[k])), end] };
     let after = outside(bodies, domain, path.before, domain.confine(end));
-    Some(ReflectedPath { path: Path { end, after, ..*path }, first, path_length: length as f32, turns })
+    Some(ReflectedPath { path: Path { end, after, ..*path }, first, path_length: length as f32, reflection })
 }
 
 /// Returns each sphere at its images nearest to the beginning and to the end of the path, if these differ.
@@ -124,7 +124,7 @@ impl Obstacle<'_> {
     }
 }
 
-fn turned(velocity: [f64; 3], of_surface: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
+fn reflected_velocity(velocity: [f64; 3], of_surface: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
     let relative = std::array::from_fn(|k| velocity[k] - of_surface[k]);
     let out = dot(relative, normal);
     std::array::from_fn(|k| velocity[k] - 2.0 * out * normal[k])
@@ -212,16 +212,16 @@ mod tests {
                 balls.iter().all(|b| signed_distance(b.receiver.radius, b.center, &domain, p) >= 0.0)
             };
             let mut from = [0.5, 1.5, -1.5];
-            let mut turns = 0;
+            let mut reflections = 0;
             for k in 0..50_000_u32 {
                 let [x, y, z, _] = philox([k, 0, 0, 0], [1, 2]).map(|word| 3.0 * (open_unit(word) - 0.5));
                 let displacement = path(from, [from[0] + x, from[1] + y, from[2] + z], &domain);
-                let turned = reflect_path(&balls, &domain, &displacement, &mut [0.0; 3]);
-                from = turned.map_or(displacement.after, |turned| turned.path.after);
-                turns += u32::from(turned.is_some());
+                let reflected = reflect_path(&balls, &domain, &displacement, &mut [0.0; 3]);
+                from = reflected.map_or(displacement.after, |reflected| reflected.path.after);
+                reflections += u32::from(reflected.is_some());
                 assert!(is_out(from), "{k}: {from:?}");
             }
-            assert!(turns > 5_000, "{turns}");
+            assert!(reflections > 5_000, "{reflections}");
         }
     }
 }

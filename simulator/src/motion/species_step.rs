@@ -53,9 +53,9 @@ impl SpeciesStep {
     #[inline(always)]
     pub(crate) fn bend_of(&self, path: &Path) -> f32 {
         let Some(vessel) = self.domain.vessel else { return self.bend };
-        let is_turned = |k: usize| Some(k) != vessel.along && path.free[k] != path.end[k];
+        let is_reflected = |k: usize| Some(k) != vessel.along && path.free[k] != path.end[k];
         let corners = || length(std::array::from_fn(|k| path.free[k] - path.before[k]));
-        if (0..3).any(is_turned) { self.bend + corners() } else { self.bend }
+        if (0..3).any(is_reflected) { self.bend + corners() } else { self.bend }
     }
 }
 
@@ -124,7 +124,9 @@ impl FreePaths {
             return (Path { before, end, after: end, free: end, drift, diffusion }, end);
         }
         if let Some(own) = &mut velocity {
-            (0..3).filter(|&axis| domain.axes[axis].turns(end[axis])).for_each(|axis| own[axis] = -own[axis]);
+            (0..3)
+                .filter(|&axis| domain.axes[axis].reverses(end[axis]))
+                .for_each(|axis| own[axis] = -own[axis]);
         }
         let free_end = end;
         let mut end = end;

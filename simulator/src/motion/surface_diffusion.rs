@@ -40,10 +40,10 @@ impl SurfaceSteps {
         }
         bound.par_iter_mut().with_min_len(256).for_each(|bound| {
             if let Some(concentration) = self.concentrations[bound.receiver as usize] {
-                let [first, second, ..] = now.of_particle(bound.id).draw(0, Purpose::SurfaceDiffusion);
+                let [first, second, ..] = now.for_particle(bound.id).draw(0, Purpose::SurfaceDiffusion);
                 let [first, second] = [first, second].map(fine_unit);
                 let gap = gap(concentration, first);
-                bound.direction = turned(bound.direction, gap, TAU * second);
+                bound.direction = rotated(bound.direction, gap, TAU * second);
             }
         });
     }
@@ -73,7 +73,7 @@ fn gap(concentration: f64, uniform: f64) -> f64 {
 }
 
 /// Turns a direction by the angle with the cosine 1 − `gap`, towards an azimuth.
-fn turned(direction: [f32; 3], gap: f64, around: f64) -> [f32; 3] {
+fn rotated(direction: [f32; 3], gap: f64, around: f64) -> [f32; 3] {
     let n = unit(direction.map(f64::from));
     // The axis with the smallest component gives a normal of length above ½.
     let axis = (0..3).min_by(|&a, &b| n[a].abs().total_cmp(&n[b].abs())).unwrap_or(0);
@@ -120,11 +120,11 @@ mod tests {
     }
 
     #[test]
-    fn turned_directions_have_the_angle() {
+    fn rotated_directions_have_the_angle() {
         for direction in [[1.0, 0.0, 0.0], [0.0, -0.6, 0.8], [0.577_350_26; 3]] {
             for gap in [1e-8, 0.3, 1.7, 2.0] {
                 for around in [0.0, 1.0, 4.0] {
-                    let found = turned(direction, gap, around);
+                    let found = rotated(direction, gap, around);
                     let cosine: f32 = direction.iter().zip(found).map(|(a, b)| a * b).sum();
                     assert!((f64::from(cosine) - (1.0 - gap)).abs() < 1e-6, "{direction:?} {gap}: {found:?}");
                 }

@@ -3,7 +3,7 @@ use crate::model::receiver::{Adsorption, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
 use crate::motion::path_hit::{Hit, Path, hits, length};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
-use crate::motion::reflection::{PathTurns, ReflectedPath, reflect_path};
+use crate::motion::reflection::{PathReflection, ReflectedPath, reflect_path};
 use crate::motion::wall::AbsorbingWall;
 use crate::random::philox::{DrawContext, Purpose, fine_unit};
 
@@ -72,7 +72,7 @@ pub(crate) struct ParticleMove {
     pub(crate) free_end: [f32; 3],
     /// Length of a path that a receiver reflected, or 0.
     pub(crate) path_length: f32,
-    pub(crate) turns: Option<PathTurns>,
+    pub(crate) reflection: Option<PathReflection>,
     /// `None` in a model without velocities.
     pub(crate) velocity: Option<[f32; 3]>,
 }
@@ -81,7 +81,7 @@ impl ParticleMove {
     pub(crate) fn stay(&mut self) {
         let before = self.path.before;
         (self.path.end, self.path.after, self.free_end) = (before, before, before);
-        self.turns = None;
+        self.reflection = None;
     }
 
     /// Returns the distance from the beginning to the end without images, in µm.
@@ -152,8 +152,8 @@ fn reflect_or_keep<'a>(
     let walls = walls.iter().filter(|wall| wall.sees[species as usize]);
     let aimed = walls.fold(path, |path, wall| wall.aim(domain, path, free_end));
     let reflected = reflect_path(&reflecting, domain, &aimed, &mut velocity);
-    if let Some(ReflectedPath { path, path_length, turns, .. }) = reflected {
-        (moved.path, moved.path_length, moved.turns) = (path, path_length, Some(turns));
+    if let Some(ReflectedPath { path, path_length, reflection, .. }) = reflected {
+        (moved.path, moved.path_length, moved.reflection) = (path, path_length, Some(reflection));
         moved.velocity = moved.velocity.map(|_| velocity.map(|v| v / duration));
     }
     let mut first = FirstHit::default();

@@ -71,7 +71,7 @@ impl SpeciesSurfaces<'_> {
         let surroundings = PathSurroundings { domain: &step.domain, duration: *duration, walls };
         let capture = bodies.resolve(moved, surroundings, near_side);
         // Receivers that reflect are so far from membranes that they carry at most one step in 16 000 across one.
-        if moved.turns.is_some() && self.separates(species, [after, moved.path.after]) {
+        if moved.reflection.is_some() && self.separates(species, [after, moved.path.after]) {
             moved.stay();
         }
         self.first_with_walls(moved, capture)

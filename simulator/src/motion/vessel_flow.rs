@@ -124,7 +124,7 @@ impl FlowStep {
         let by = (self.fastest * 0.5 * (profile(before) + profile(end))) as f32;
         end[along] = reflect_at_end([before[along], end[along] + by]);
         let mut after = end;
-        if domain.axes[along].turns(end[along]) {
+        if domain.axes[along].reverses(end[along]) {
             velocity[along] = -velocity[along];
         }
         after[along] = domain.axes[along].confine(end[along]);

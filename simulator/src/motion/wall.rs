@@ -27,7 +27,7 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, WallFace};
 use crate::model::vessel::Vessel;
 use crate::motion::path_hit::{Hit, Path};
-use crate::motion::reflection::PathTurns;
+use crate::motion::reflection::PathReflection;
 use crate::motion::surface_events::ParticleMove;
 use crate::random::bridge::{NEVER, lowest};
 use crate::random::philox::{Purpose, open_unit};
@@ -82,30 +82,30 @@ impl AbsorbingWall {
     }
 
     pub(crate) fn hit(&self, domain: &Boundary, moved: &ParticleMove) -> Option<Hit> {
-        let ParticleMove { who, path, free_end, turns, .. } = moved;
+        let ParticleMove { who, path, free_end, reflection, .. } = moved;
         let height = |point: [f32; 3]| height(self.face, domain, point);
         let [a, b] = [path.before, *free_end].map(height);
         if a <= 0.0 {
             return Some(Hit::at(0.0));
         }
         let touches = |heights: [f32; 2]| touch_probability(domain, heights, path.diffusion);
-        let (mut direct, mut turned, mut ends) = (touches([a, b]), 0.0, [a, b]);
-        if let Some(PathTurns { contact, last }) = turns {
+        let (mut direct, mut reflected, mut ends) = (touches([a, b]), 0.0, [a, b]);
+        if let Some(PathReflection { contact, last }) = reflection {
             if b <= 0.0 && self.face != WallFace::Side && height(*contact) > 0.0 {
                 direct = 0.0;
             }
             let [before, end] = last.map(height);
             if before > 0.0 || end <= 0.0 {
-                (turned, ends) = (touches([before, end]), [before, end]);
+                (reflected, ends) = (touches([before, end]), [before, end]);
             }
         }
-        let probability = direct + turned;
+        let probability = direct + reflected;
         let draw = || open_unit(who.draw(self.receiver, Purpose::Receiver)[0]);
         let is_hit = probability >= 1.0 || probability > 0.0 && draw() < probability;
         if !is_hit {
             return None;
         }
-        let is_direct = turned == 0.0 || draw() < direct;
+        let is_direct = reflected == 0.0 || draw() < direct;
         Some(Hit::between(if is_direct { [a, b] } else { ends }, path.diffusion))
     }
 }
@@ -168,7 +168,16 @@ mod tests {
 
     fn free(path: Path, who: DrawContext) -> ParticleMove {
         let free_end = path.end;
-        ParticleMove { at: 0, species: 0, who, path, free_end, path_length: 0.0, turns: None, velocity: None }
+        ParticleMove {
+            at: 0,
+            species: 0,
+            who,
+            path,
+            free_end,
+            path_length: 0.0,
+            reflection: None,
+            velocity: None,
+        }
     }
 
     #[test]

@@ -41,7 +41,7 @@ impl AppendFile {
                 _ => Error::Write { path, source },
             }
         })?;
-        let read = Digest::of_next(&mut file, record.length);
+        let read = Digest::from_reader(&mut file, record.length);
         let digest = read.map_err(|source| Error::Read { path: path.clone(), source })?;
         let damage = match (digest.length(), digest.checksum()) {
             (found, _) if found != record.length => Damage::Length { found, expected: record.length },

@@ -86,7 +86,7 @@ fn write<'a>(
     mut next: impl FnMut() -> io::Result<Option<TableRow<'a>>>,
 ) -> io::Result<()> {
     let fields =
-        columns.iter().map(|column| Field::new(column.name, column.kind.of_arrow(), column.nullable));
+        columns.iter().map(|column| Field::new(column.name, column.kind.data_type(), column.nullable));
     let mark = HashMap::from([ARROW_MARK.map(str::to_owned).into()]);
     let schema = Arc::new(Schema::new_with_metadata(fields.collect::<Vec<_>>(), mark));
     let mut file = FileWriter::try_new(out, &schema).map_err(other)?;
@@ -114,7 +114,7 @@ fn other(error: ArrowError) -> io::Error {
 }
 
 impl Kind {
-    fn of_arrow(&self) -> DataType {
+    fn data_type(&self) -> DataType {
         match self {
             Self::Whole => DataType::UInt32,
             Self::Large => DataType::UInt64,

@@ -23,12 +23,12 @@ impl DiskEstimate {
         Self { least: all(self.least), most: all(self.most), checkpoint: self.checkpoint.map(all) }
     }
 
-    pub(crate) fn of(run: &impl RunView, output: Output, steps: u32, scenario: &str) -> Self {
+    pub(crate) fn new(run: &impl RunView, output: Output, steps: u32, scenario: &str) -> Self {
         let (model, from) = (run.model(), run.step_count());
-        let crowd = ParticleCounts::new(model, &run.totals().present, from, steps);
+        let counts = ParticleCounts::new(model, &run.totals().present, from, steps);
         let due = |every: u32| u64::from(steps / every - from / every);
         let frames = if output.xyz || output.npy { due(output.frames_every) } else { 0 };
-        let rows = due(output.every) as f64 * row(model, &crowd, [from, steps]);
+        let rows = due(output.every) as f64 * row(model, &counts, [from, steps]);
         let mut empty = Vec::new();
         let mut header = 0;
         if output.xyz {
@@ -37,27 +37,27 @@ impl DiskEstimate {
         }
         header += if output.npy { frames::NPY_HEADER } else { 0 };
         let each = |species: usize| {
-            let xyz = if output.xyz { text(model, species, crowd.ids) } else { 0.0 };
+            let xyz = if output.xyz { text(model, species, counts.ids) } else { 0.0 };
             xyz + if output.npy { frames::NPY_ROW as f64 } else { 0.0 }
         };
-        let frame: f64 = crowd.mean.iter().enumerate().map(|(species, count)| count * each(species)).sum();
+        let frame: f64 = counts.mean.iter().enumerate().map(|(species, count)| count * each(species)).sum();
         let totals = 5 * (3 + model.receivers.len()) * model.species.len();
         let animation = output.animation.map_or(0.0, |animation| {
-            let drawn = crowd.mean.iter().sum::<f64>().min(u32::from(animation.particles).into());
+            let drawn = counts.mean.iter().sum::<f64>().min(u32::from(animation.particles).into());
             // Frames, and eight letters of the page per particle.
             due(animation.every) as f64 * (animation::bytes_of(model, drawn as u64) as f64 + 8.0 * drawn)
         });
         // Symbols are written when the run begins.
         let symbols = if from == 0 { symbols::expected_bytes(model) } else { 0.0 };
         let fixed = (scenario.len() + totals) as u64 + (rows + symbols) as u64 + frames * header as u64;
-        let kept = if model.has_velocity() { 32.0 } else { 20.0 };
-        let particles = |count: f64| (count * kept) as u64;
-        let most = fixed + (frames as f64 * frame + animation) as u64 + particles(crowd.last);
-        let checkpoint = scenario.len() as u64 + particles(crowd.last);
+        let bytes_per_particle = if model.has_velocity() { 32.0 } else { 20.0 };
+        let particles = |count: f64| (count * bytes_per_particle) as u64;
+        let most = fixed + (frames as f64 * frame + animation) as u64 + particles(counts.last);
+        let checkpoint = scenario.len() as u64 + particles(counts.last);
         let [least, smallest] =
             if loses(model) { [fixed, scenario.len() as u64] } else { [most, checkpoint] };
         let logs =
-            log_estimate::rest(model, [from, steps], [crowd.ids, crowd.mean.iter().sum()], output.every);
+            log_estimate::rest(model, [from, steps], [counts.ids, counts.mean.iter().sum()], output.every);
         let most = most.saturating_add(logs as u64);
         Self { least, most, checkpoint: [smallest, checkpoint] }
     }
@@ -139,14 +139,14 @@ fn text(model: &Model, species: usize, ids: f64) -> f64 {
     digits(0.7 * ids) + (kind.name.len() + radius + 6) as f64 + 3.0 * COORDINATE
 }
 
-fn row(model: &Model, crowd: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
+fn row(model: &Model, particle_counts: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
     let moment = moment(model, [from, steps]);
-    let species: f64 = crowd.mean.iter().map(|&count| 1.0 + digits(count)).sum();
-    let counts = model.reactions.len() + model.decays.len() + series::seen(model);
-    let all: f64 = crowd.mean.iter().sum();
+    let species: f64 = particle_counts.mean.iter().map(|&count| 1.0 + digits(count)).sum();
+    let columns = model.reactions.len() + model.decays.len() + series::seen(model);
+    let all: f64 = particle_counts.mean.iter().sum();
     let pairs =
         if model.reactions.is_empty() && model.contact == Default::default() { 1.0 } else { digits(all) };
-    moment + species + counts as f64 * (1.0 + digits(0.2 * all)) + 2.0 * (1.0 + pairs) + 1.0
+    moment + species + columns as f64 * (1.0 + digits(0.2 * all)) + 2.0 * (1.0 + pairs) + 1.0
 }
 
 pub(super) fn moment(model: &Model, [from, steps]: [u32; 2]) -> f64 {
@@ -179,7 +179,7 @@ mod tests {
         let mut forecast = None;
         run.run(|simulation| {
             forecast.get_or_insert_with(|| {
-                DiskEstimate::of(simulation, scenario.output, scenario.steps, &scenario.text)
+                DiskEstimate::new(simulation, scenario.output, scenario.steps, &scenario.text)
             });
             ControlFlow::Continue(())
         })

@@ -130,7 +130,7 @@ mod tests {
     fn lock_removes_incomplete_files_of_killed_runs_only() {
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
-        let kept = [
+        let retained = [
             ".draft-thesis",
             ".lazygrid-draft-notes",
             ".lazygrid-draft-",
@@ -138,14 +138,14 @@ mod tests {
             ".lazygrid-draft-abc-12",
             "series.csv",
         ];
-        kept.iter().for_each(|name| fs::write(at(name), "mine").unwrap());
+        retained.iter().for_each(|name| fs::write(at(name), "mine").unwrap());
         fs::create_dir(at(".lazygrid-draft-folder")).unwrap();
         fs::create_dir(at(PLOTS)).unwrap();
         let left = [".lazygrid-draft-aB3xY9", "plots/.lazygrid-draft-aB3xY9"];
         left.iter().for_each(|name| fs::write(at(name), "left").unwrap());
         let lock = Lock::take(directory.path()).unwrap();
         assert!(left.iter().all(|name| !at(name).exists()));
-        assert!(kept.iter().all(|name| at(name).exists()) && at(".lazygrid-draft-folder").exists());
+        assert!(retained.iter().all(|name| at(name).exists()) && at(".lazygrid-draft-folder").exists());
         fs::write(at(".lazygrid-draft-aB3xY9"), "being written").unwrap();
         assert!(Lock::take(directory.path()).is_err());
         assert!(at(".lazygrid-draft-aB3xY9").exists());

@@ -29,7 +29,7 @@ pub(crate) use disk_estimate::{DiskEstimate, next_bytes};
 pub(crate) use lock::{Lock, has_begun};
 pub(crate) use log_estimate::{LOGGED_ARRIVALS, LOGGED_STEPS};
 pub use report::{Report, TableWriter, write_report};
-pub(crate) use report::{TABLES, refuse_foreign_page, refuse_foreign_parts, remove_report};
+pub(crate) use report::{TABLES, refuse_foreign_files, refuse_foreign_page, remove_report};
 
 use append_file::AppendFile;
 use draft::Draft;
@@ -77,7 +77,7 @@ pub(crate) struct WrittenRun<'a> {
     pub(crate) model: &'a Model,
     pub(crate) seed: u64,
     pub(crate) records: &'a [FileRecord],
-    pub(crate) done: u32,
+    pub(crate) step_count: u32,
 }
 
 impl Files {
@@ -124,7 +124,7 @@ impl Files {
         run: WrittenRun<'_>,
         lock: Lock,
     ) -> Result<Self, Error> {
-        let WrittenRun { model, seed, records, done } = run;
+        let WrittenRun { model, seed, records, step_count } = run;
         let reopen = |name: &str| {
             let Some(record) = records.iter().find(|record| record.name == name) else {
                 let message =
@@ -141,7 +141,7 @@ impl Files {
         if model.logs_arrivals {
             let [arrivals, releases] = [reopen(ARRIVALS)?, reopen(RELEASES)?];
             let occupancy = occupancy::is_logged(model).then(|| reopen(OCCUPANCY)).transpose()?;
-            logs = Some(Logs { arrivals, releases, occupancy, seed, next_step: done + 1 });
+            logs = Some(Logs { arrivals, releases, occupancy, seed, next_step: step_count + 1 });
         }
         let animation = output.animation.is_some().then(|| reopen(ANIMATED)).transpose()?;
         let directory = directory.to_owned();

@@ -23,7 +23,7 @@ pub(super) fn rows(out: &mut impl Write, model: &Model, state: &State) -> io::Re
     let bound = bound.iter().map(|held| (held.receiver, held.species, held.id));
     let mut counts = BTreeMap::new();
     for (receiver, species, id) in inside.chain(bound) {
-        let origin = origins.of(id).map(|origin| (origin.transmitter, origin.step));
+        let origin = origins.origin_of(id).map(|origin| (origin.transmitter, origin.step));
         *counts.entry((receiver, species, origin)).or_insert(0_u64) += 1;
     }
     let moment = moment(state.step, model);

@@ -44,7 +44,7 @@ pub fn write_report(directory: &Path, report: &Report<'_>, overwrite: bool) -> R
         let plots = report.plots.iter().map(|(plot, _)| *plot);
         refuse_others(directory, plots, report.tables.iter().map(|(name, _)| *name), [&former, &page])?;
     }
-    remove_parts(directory, &former)?;
+    remove_plots_and_tables(directory, &former)?;
     // The page first: it identifies the other files.
     write_atomically(&directory.join(REPORT), |out| out.write_all(page.as_bytes()))?;
     tables.into_iter().try_for_each(Draft::publish)?;
@@ -90,7 +90,7 @@ pub(crate) fn refuse_foreign_page(directory: &Path) -> Result<String, Error> {
 }
 
 /// Refuses plots and tables that the `former` page does not have, and that the next report may replace.
-pub(crate) fn refuse_foreign_parts(
+pub(crate) fn refuse_foreign_files(
     directory: &Path,
     former: &str,
     plots: &[&str],
@@ -124,11 +124,11 @@ fn refuse_others<'a>(
 /// Removes the former report, its page last: it identifies the other files.
 pub(crate) fn remove_report(directory: &Path) -> Result<(), Error> {
     let former = former_report(directory);
-    remove_parts(directory, &former)?;
+    remove_plots_and_tables(directory, &former)?;
     if former.is_empty() { Ok(()) } else { remove_file(directory.join(REPORT)) }
 }
 
-fn remove_parts(directory: &Path, page: &str) -> Result<(), Error> {
+fn remove_plots_and_tables(directory: &Path, page: &str) -> Result<(), Error> {
     remove_plots(directory, page)?;
     let own = TABLES.into_iter().filter(|name| is_table_of(page, name, &directory.join(name)));
     own.into_iter().try_for_each(|name| remove_file(directory.join(name)))

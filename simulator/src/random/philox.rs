@@ -75,7 +75,7 @@ pub struct StepKey {
 
 impl StepKey {
     #[inline(always)]
-    pub fn of_particle(self, id: u32) -> DrawContext {
+    pub fn for_particle(self, id: u32) -> DrawContext {
         let Self { key, step } = self;
         DrawContext { key, id, step }
     }

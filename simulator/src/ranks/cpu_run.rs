@@ -30,7 +30,7 @@ impl CpuRun {
         let simulation = Simulation::resume(model, seed, Algorithm::Auto, state)?;
         let may_collide = simulation.collisions.as_ref().and_then(Collisions::interactions);
         let wrapper = SphereWrapper::new(simulation.model.boundary.space()?, may_collide);
-        let pair_search = RankPairSearch::of(&simulation.model, detector, rank, ranks)?;
+        let pair_search = RankPairSearch::new(&simulation.model, detector, rank, ranks)?;
         Ok(Self { simulation, pair_search, wrapper })
     }
 

@@ -35,7 +35,7 @@ impl GpuRun {
     }
 
     pub(super) fn steps_at_once(&self) -> u32 {
-        if self.simulation.shares_steps() { 1 } else { GPU_STEPS }
+        if self.simulation.has_shared_steps() { 1 } else { GPU_STEPS }
     }
 
     pub(super) fn advance<C: Communicator>(
@@ -44,7 +44,7 @@ impl GpuRun {
         most: u32,
         occupied: &[u64],
     ) -> Result<(), C::Error> {
-        if self.simulation.shares_steps() {
+        if self.simulation.has_shared_steps() {
             return self.step(communicator, occupied);
         }
         agree(communicator, self.simulation.run(most.min(GPU_STEPS)))

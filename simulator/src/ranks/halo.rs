@@ -22,7 +22,7 @@ pub(super) struct RankHalo<'a, C> {
 struct SentGhost {
     at: u32,
     rank: u32,
-    slot: u32,
+    ghost_index: u32,
 }
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -36,7 +36,7 @@ struct MoverMessage {
     id: u32,
     species: u32,
     radius: f32,
-    slot: u32,
+    ghost_index: u32,
 }
 
 impl<'a, C: Communicator> RankHalo<'a, C> {
@@ -70,7 +70,11 @@ impl<'a, C: Communicator> RankHalo<'a, C> {
                     && known.binary_search_by_key(&at, |ghost| ghost.at).is_err()
             };
             let found = (0..own as u32).filter(is_unsent);
-            unsent.extend((known.len() as u32..).zip(found).map(|(slot, at)| SentGhost { at, rank, slot }));
+            unsent.extend((known.len() as u32..).zip(found).map(|(ghost_index, at)| SentGhost {
+                at,
+                rank,
+                ghost_index,
+            }));
         }
         unsent
     }
@@ -101,8 +105,9 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
             wrapped.extend(self.wrapped(&movers[wrapped.len()..], allowance));
             let bounds = RankBounds::gather(self.communicator, &wrapped)?;
             let unsent = self.unsent(&wrapped, own, &bounds);
-            let message =
-                |ghost: &SentGhost| (ghost.rank, MoverMessage::new(&movers[ghost.at as usize], ghost.slot));
+            let message = |ghost: &SentGhost| {
+                (ghost.rank, MoverMessage::new(&movers[ghost.at as usize], ghost.ghost_index))
+            };
             let send = unsent.iter().map(message).collect();
             let (ghosts, counts) = send_to_ranks(self.communicator, "ghosts in motion", send)?;
             let mut indices = movers.len() as u32..;
@@ -122,13 +127,14 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
             let first = self.sent.partition_point(|ghost| ghost.at < at);
             self.sent[first..].iter().take_while(move |ghost| ghost.at == at)
         };
-        let message =
-            |ghost: &SentGhost| (ghost.rank, MoverMessage::new(&movers[ghost.at as usize], ghost.slot));
+        let message = |ghost: &SentGhost| {
+            (ghost.rank, MoverMessage::new(&movers[ghost.at as usize], ghost.ghost_index))
+        };
         let send = changed.iter().flat_map(copies).map(message).collect();
         let (came, counts) = send_to_ranks(self.communicator, "movers after a collision", send)?;
         let held = self.held.iter().zip(counts).flat_map(|(held, count)| std::iter::repeat_n(held, count));
         for (held, message) in held.zip(&came) {
-            let at = held[message.slot as usize];
+            let at = held[message.ghost_index as usize];
             movers[at as usize] = message.mover();
             changed.push(at);
         }
@@ -137,13 +143,13 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
 }
 
 impl MoverMessage {
-    fn new(mover: &Mover, slot: u32) -> Self {
+    fn new(mover: &Mover, ghost_index: u32) -> Self {
         let Mover { position, time, motion, speed, own, id, species, radius, collided: _ } = *mover;
-        Self { position, time, motion, speed, own, id, species, radius, slot }
+        Self { position, time, motion, speed, own, id, species, radius, ghost_index }
     }
 
     fn mover(&self) -> Mover {
-        let Self { position, time, motion, speed, own, id, species, radius, slot: _ } = *self;
+        let Self { position, time, motion, speed, own, id, species, radius, ghost_index: _ } = *self;
         Mover { position, time, motion, speed, own, id, species, radius, collided: false }
     }
 }
@@ -237,7 +243,11 @@ mod tests {
                 for rank in (0..RANKS).filter(|&rank| rank != this) {
                     let there = self.indices(rank, hops).into_iter().filter(|&at| self.owner(at) == this);
                     let local = |at| indices.iter().position(|&index| index == at).expect("own") as u32;
-                    sent.extend((0..).zip(there).map(|(slot, at)| SentGhost { at: local(at), rank, slot }));
+                    sent.extend((0..).zip(there).map(|(ghost_index, at)| SentGhost {
+                        at: local(at),
+                        rank,
+                        ghost_index,
+                    }));
                 }
                 sent.sort_unstable_by_key(|ghost| ghost.at);
                 let mut next = own as u32..;

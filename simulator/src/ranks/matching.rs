@@ -51,7 +51,7 @@ struct KeyMessage {
 impl KeyMessage {
     const WORST: Self = Self { priority: u32::MAX, ids: [u32::MAX; 2] };
 
-    fn of((priority, ids): Key) -> Self {
+    fn from_key((priority, ids): Key) -> Self {
         Self { priority, ids }
     }
 
@@ -87,7 +87,7 @@ impl DistributedMatching {
             let is_last = communicator.all_reduce_sum(&[best.bound.is_some().into()])[0] == 0;
             if !is_last {
                 // All ranks choose among the same keys.
-                let bound = best.bound.map_or(KeyMessage::WORST, KeyMessage::of);
+                let bound = best.bound.map_or(KeyMessage::WORST, KeyMessage::from_key);
                 let (bounds, _) = communicator.all_gather("bounds of candidates", &[bound])?;
                 best.restrict(bounds.into_iter().map(KeyMessage::key).min().expect("one of each rank"));
             }
@@ -157,7 +157,7 @@ impl DistributedMatching {
         let bid = |ghost: u32, takes: u32, key: KeyMessage| {
             (ghosts.rank_of(ghost), GhostBid { at: ghosts.particles()[ghost as usize].index, takes, key })
         };
-        let key = |ghost: u32| KeyMessage::of(self.best[own + ghost as usize].unwrap_or_default());
+        let key = |ghost: u32| KeyMessage::from_key(self.best[own + ghost as usize].unwrap_or_default());
         let mut bids: Vec<_> = won.iter().map(|&ghost| bid(ghost, 1, KeyMessage::default())).collect();
         bids.extend(wanted.iter().map(|&ghost| bid(ghost, 0, key(ghost))));
         let (bids, counts) = send_to_ranks(communicator, "bids of ghosts", bids)?;
@@ -171,7 +171,7 @@ impl DistributedMatching {
         let from = (0..).zip(counts).flat_map(|(rank, count)| std::iter::repeat_n(rank, count));
         let reply = |(bid, from): (&GhostBid, u32)| {
             let at = bid.at as usize;
-            let key = KeyMessage::of(self.best[at].unwrap_or_default());
+            let key = KeyMessage::from_key(self.best[at].unwrap_or_default());
             (bid.takes == 0).then_some((from, OwnerReply { taken: self.taken[at].into(), key }))
         };
         let replies = bids.iter().zip(from).filter_map(reply).collect();

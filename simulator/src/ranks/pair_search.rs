@@ -35,7 +35,7 @@ struct OutcomeMessage {
 const BOUND: f64 = 1.2;
 
 impl RankPairSearch {
-    pub(super) fn of(model: &Model, detector: Config, rank: u32, ranks: u32) -> Result<Option<Self>, Error> {
+    pub(super) fn new(model: &Model, detector: Config, rank: u32, ranks: u32) -> Result<Option<Self>, Error> {
         let (space, interactions) = (model.boundary.space()?, interactions(model)?);
         let wrapper = SphereWrapper::new(space, interactions.as_ref());
         let Some(table) = interactions else { return Ok(None) };
@@ -88,7 +88,7 @@ impl RankPairSearch {
             return Ok(Vec::new());
         }
         for ghost in ghosts.particles() {
-            run.state.particles.push(rows::of_ghost(ghost), run.model.has_velocity());
+            run.state.particles.push(rows::from_ghost(ghost), run.model.has_velocity());
         }
         let pairs = if separates { self.list(run, &ghosts).map(Some) } else { Ok(None) };
         let pairs = communicator.agree(pairs.map_err(|error| communicator.failure(error.to_string())))?;
@@ -246,7 +246,7 @@ mod tests {
             (0..4000).filter(|id| id % ranks == rank).for_each(|id| own.push(particle(id), false));
             run.insert(&own).expect("points");
             let config = Config::default().backend(Backend::Cpu);
-            let search = RankPairSearch::of(&model, config, rank, ranks).expect("a detector");
+            let search = RankPairSearch::new(&model, config, rank, ranks).expect("a detector");
             let mut search = search.expect("reactions");
             search.migrate(&mut thread, &mut run).expect("parts of space");
             search.ghosts(&mut thread, &run).expect("ghosts").0.particles().len()

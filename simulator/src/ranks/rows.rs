@@ -35,7 +35,7 @@ pub(super) fn ghost(particles: &Particles, at: u32) -> lazygrid_ranks::Particle 
     lazygrid_ranks::Particle { sphere: Sphere::new(position, radius), id: id.into(), species, index: at }
 }
 
-pub(super) fn of_ghost(ghost: &lazygrid_ranks::Particle) -> Particle {
+pub(super) fn from_ghost(ghost: &lazygrid_ranks::Particle) -> Particle {
     Particle {
         position: ghost.sphere.center.to_array(),
         velocity: [0.0; 3],

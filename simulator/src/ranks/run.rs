@@ -46,8 +46,8 @@ impl Run {
         let mut pace = TimeStepMonitor::default();
         let mut memory = MemoryGuard::default();
         let mut asks = |simulation: &mut RankSimulation<C>| {
-            let asked = watch(simulation.step_count()).is_break();
-            simulation.communicator().all_reduce_sum(&[asked.into()])[0] > 0
+            let is_stopped = watch(simulation.step_count()).is_break();
+            simulation.communicator().all_reduce_sum(&[is_stopped.into()])[0] > 0
         };
         let mut stops = asks(&mut simulation);
         while !stops && simulation.step_count() < self.scenario.steps {
@@ -80,8 +80,8 @@ impl Run {
             let warnings = pace.warnings(simulation.model()).into_iter().chain(simulation.request_warnings());
             warnings.for_each(|message| log::warn!("{message}"));
         }
-        let done = simulation.step_count() >= self.scenario.steps;
-        Ok((if done { RunEnd::Finished } else { RunEnd::Stopped }, simulation))
+        let is_finished = simulation.step_count() >= self.scenario.steps;
+        Ok((if is_finished { RunEnd::Finished } else { RunEnd::Stopped }, simulation))
     }
 
     fn shared(&self) -> Settings {
@@ -139,8 +139,8 @@ impl Run {
         let standing = simulation.gather(GatherFields::default())?;
         let reopen = |lock: Lock| {
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
-            let done = standing.step_count();
-            let run = WrittenRun { model: &own.model, seed: own.seed, records: &records, done };
+            let step_count = standing.step_count();
+            let run = WrittenRun { model: &own.model, seed: own.seed, records: &records, step_count };
             Files::reopen(&self.directory, own.output, run, lock)
         };
         let files = lock.map(reopen).transpose();

@@ -216,7 +216,7 @@ impl<C: Communicator> RankSimulation<C> {
                 species,
                 id,
                 step,
-                origin: origins.of(id),
+                origin: origins.origin_of(id),
             }));
             arrivals.sort_unstable_by_key(|arrival| (arrival.step, arrival.id));
         }

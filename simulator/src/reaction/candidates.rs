@@ -132,11 +132,11 @@ impl Reactions {
         if !shell.rules().any(may_be_open) {
             return None;
         }
-        let [priority, chance, _, word] = now.of_particle(ids[0]).draw(ids[1], Purpose::Pair);
+        let [priority, chance, _, word] = now.for_particle(ids[0]).draw(ids[1], Purpose::Pair);
         let rule = shell.rules().find(|rule| chance <= rule.up_to)?;
         let dissociates = [(a, particles.id[i]), (b, particles.id[j])]
             .into_iter()
-            .any(|(species, id)| self.dissociates(species, spared, now.of_particle(id)));
+            .any(|(species, id)| self.dissociates(species, spared, now.for_particle(id)));
         Some(candidate(rule, priority, word)).filter(|candidate| !dissociates && is_open(candidate))
     }
 

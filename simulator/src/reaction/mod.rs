@@ -136,7 +136,7 @@ impl Reactions {
         let apart = match separates {
             true => {
                 let [first_id, second_id] = candidate.ids;
-                let [_, _, first, second] = now.of_particle(first_id).draw(second_id, Purpose::Pair);
+                let [_, _, first, second] = now.for_particle(first_id).draw(second_id, Purpose::Pair);
                 let away = self.boundary.direction_within(direction(first, second));
                 away.map(|c| c * reaction.unbinding_radius)
             }

@@ -123,7 +123,7 @@ impl Model {
         }
         let mut out = Released::new(self, released as u32);
         // Frequent releases of few particles fill all ranks equally.
-        let own = slice.of(released - u64::from(next_id), next_id);
+        let own = slice.range(released - u64::from(next_id), next_id);
         out.particles.reserve(own.end - own.start, self.has_velocity())?;
         let (mut before, mut site) = (0, 0);
         for batch in &batches {
@@ -148,7 +148,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Releases the particles of a [`Batch::of_ids`].
+    /// Releases the particles of a [`Batch::from_ids`].
     ///
     /// # Errors
     /// See [`Particles::reserve`].
@@ -186,7 +186,7 @@ impl Model {
                 } else {
                     count
                 };
-                Batch::of_burst(from, Emission { transmitter: index, species, count }, entry > 0)
+                Batch::from_burst(from, Emission { transmitter: index, species, count }, entry > 0)
             };
             return entries.map(batch).collect();
         };
@@ -213,7 +213,7 @@ impl Model {
                 now,
                 site,
                 ages,
-                ..Batch::of_burst(from, Emission { transmitter: index, species, count }, entry > 0)
+                ..Batch::from_burst(from, Emission { transmitter: index, species, count }, entry > 0)
             }
         };
         rates.iter().enumerate().map(batch).collect()
@@ -270,20 +270,20 @@ impl Model {
 }
 
 impl<'a> Batch<'a> {
-    fn of_burst(from: &'a Transmitter, emission: Emission, continues: bool) -> Self {
+    fn from_burst(from: &'a Transmitter, emission: Emission, continues: bool) -> Self {
         let Emission { transmitter, species, count } = emission;
         let (center, now, site, ages) = (from.center, 0.0, 0, Ages::None);
         Self { transmitter, from, center, now, species, count, site, continues, ages }
     }
 
     /// Creates a batch outside the schedule. Ids ascend from `first_id`, and also select lattice sites.
-    pub(crate) fn of_ids(
+    pub(crate) fn from_ids(
         from: &'a Transmitter,
         emission: Emission,
         first_id: u32,
         receiver_moves: &[ReceiverMove],
     ) -> Self {
-        let batch = Self::of_burst(from, emission, false);
+        let batch = Self::from_burst(from, emission, false);
         Self { center: center_among(receiver_moves, from), site: first_id, ..batch }
     }
 

@@ -41,7 +41,7 @@ impl Origins {
         }
     }
 
-    pub fn of(&self, id: u32) -> Option<Origin> {
+    pub fn origin_of(&self, id: u32) -> Option<Origin> {
         let after = self.ranges.partition_point(|&(first, _)| first <= id);
         self.ranges[..after].last().and_then(|&(_, origin)| origin)
     }
@@ -55,7 +55,7 @@ mod tests {
     fn id_determines_its_origin() {
         let from = |transmitter, step| Some(Origin { transmitter, step });
         let mut origins = Origins::default();
-        assert_eq!(origins.of(0), None);
+        assert_eq!(origins.origin_of(0), None);
         origins.enter(0, from(0, 0));
         origins.enter(10, from(1, 0));
         origins.enter(30, from(0, 7));
@@ -64,7 +64,7 @@ mod tests {
         origins.enter(50, None);
         let ids = [0, 9, 10, 29, 30, 45, 50, u32::MAX];
         let expected = [from(0, 0), from(0, 0), from(1, 0), from(1, 0), from(1, 8), from(1, 8), None, None];
-        assert_eq!(ids.map(|id| origins.of(id)), expected);
+        assert_eq!(ids.map(|id| origins.origin_of(id)), expected);
         assert_eq!(origins.ranges.len(), 4);
     }
 }

@@ -43,7 +43,7 @@ struct PartialMove<'a> {
     step: PartialStep<'a>,
     moved: ParticleMove,
     /// Distance within which receivers are hit.
-    reach: f32,
+    hit_distance: f32,
 }
 
 #[derive(Debug, PartialEq)]
@@ -124,13 +124,21 @@ impl Model {
         let own = self.has_velocity().then_some(&mut velocity);
         let (path, free_end) = step.paths.path(&step.constants, [before, normal], own, who);
         let velocity = self.has_velocity().then_some(velocity);
-        let mut moved =
-            ParticleMove { at: 0, species, who, path, free_end, path_length: 0.0, turns: None, velocity };
+        let mut moved = ParticleMove {
+            at: 0,
+            species,
+            who,
+            path,
+            free_end,
+            path_length: 0.0,
+            reflection: None,
+            velocity,
+        };
         if step.surfaces.has_membranes() {
             step.all_surfaces().hold_back(&mut moved);
         }
-        let reach = moved.length() + step.constants.bend_of(&moved.path);
-        Some(PartialMove { step, moved, reach })
+        let hit_distance = moved.length() + step.constants.bend_of(&moved.path);
+        Some(PartialMove { step, moved, hit_distance })
     }
 
     fn partial_outcome(
@@ -140,16 +148,16 @@ impl Model {
         near: &[&ReceiverState],
         at: ReleaseStep<'_>,
     ) -> PartialOutcome {
-        let Some(PartialMove { step, mut moved, reach }) = moved else {
+        let Some(PartialMove { step, mut moved, hit_distance }) = moved else {
             return PartialOutcome { decays: Vec::new(), fate: Fate::Remains(particle) };
         };
-        let capture = step.advance(&mut moved, near, reach);
+        let capture = step.advance(&mut moved, near, hit_distance);
         particle.position = moved.path.after;
         particle.velocity = moved.velocity.unwrap_or(particle.velocity);
         if at.events.decays.has(particle.species) {
             return self.partial_decays(AgedParticle { particle, age }, capture, at);
         }
-        let arrived = |Capture { event, .. }: Capture| Fate::of(&event, particle.species);
+        let arrived = |Capture { event, .. }: Capture| Fate::from_event(&event, particle.species);
         PartialOutcome { decays: Vec::new(), fate: capture.map_or(Fate::Remains(particle), arrived) }
     }
 
@@ -161,7 +169,7 @@ impl Model {
     ) -> PartialOutcome {
         let Particle { species: released, id, .. } = particle;
         let words = |generation| at.key.draw(id, 1 + generation, 0, Purpose::PartialStep);
-        let turned = || at.key.draw(id, 1, 0, Purpose::Velocity);
+        let velocity_words = || at.key.draw(id, 1, 0, Purpose::Velocity);
         let who = at.draws_of(id);
         let captures = |event: &Event, species| at.events.surfaces.captures(event, species);
         let ordered =
@@ -176,12 +184,12 @@ impl Model {
             let ChainedDecay { decay, product, .. } = chained;
             decays.push(decay);
             if let (Some(from), Some(to)) = (species, product) {
-                particle.velocity = self.converted_velocity(particle.velocity, [from, to], turned);
+                particle.velocity = self.converted_velocity(particle.velocity, [from, to], velocity_words);
             }
             species = product;
         });
         let arrived = order.and_then(|(order, event)| {
-            Some(Fate::of(&event, order.captured(|species| captures(&event, species))?))
+            Some(Fate::from_event(&event, order.captured(|species| captures(&event, species))?))
         });
         let remains = || species.map(|species| Fate::Remains(Particle { species, ..particle }));
         PartialOutcome { decays, fate: arrived.or_else(remains).unwrap_or(Fate::Decayed) }
@@ -190,7 +198,7 @@ impl Model {
 
 impl Fate {
     /// Receptors only reflect in a partial step, so a capture is an arrival.
-    fn of(event: &Event, species: u32) -> Self {
+    fn from_event(event: &Event, species: u32) -> Self {
         Self::Arrived { receiver: event.receiver(), species }
     }
 }
@@ -210,9 +218,14 @@ impl<'a> PartialStep<'a> {
         SpeciesSurfaces { surfaces: self.surfaces, step: &self.constants, duration: self.paths.duration }
     }
 
-    fn advance(&self, moved: &mut ParticleMove, near: &[&ReceiverState], reach: f32) -> Option<Capture> {
+    fn advance(
+        &self,
+        moved: &mut ParticleMove,
+        near: &[&ReceiverState],
+        hit_distance: f32,
+    ) -> Option<Capture> {
         let (begun, length) = (*moved, moved.length());
-        let mut capture = self.resolve(moved, near.iter().copied(), reach);
+        let mut capture = self.resolve(moved, near.iter().copied(), hit_distance);
         if moved.path_length > length * (1.0 + ROUNDED) {
             *moved = begun;
             capture = self.resolve(moved, self.surfaces.bodies.all.iter(), f32::INFINITY);
@@ -224,7 +237,7 @@ impl<'a> PartialStep<'a> {
         &self,
         moved: &mut ParticleMove,
         bodies: impl Iterator<Item = &'b ReceiverState>,
-        reach: f32,
+        hit_distance: f32,
     ) -> Option<Capture> {
         let before = moved.path.before;
         let near = bodies.filter_map(|body| {
@@ -234,7 +247,7 @@ impl<'a> PartialStep<'a> {
             let radius = body.receiver.radius;
             let height = signed_distance(radius, center, &self.constants.domain, before);
             let slack = rounding(before, 2.0 * radius + height.abs());
-            (height <= reach + length(displacement) + slack).then(|| ReceiverState {
+            (height <= hit_distance + length(displacement) + slack).then(|| ReceiverState {
                 center,
                 displacement,
                 drift: body.drift.map(|w| self.step_fraction * w),
@@ -257,18 +270,18 @@ impl<'a> ReleaseStep<'a> {
         let moves = || moves.iter().flatten();
         let Some(PartialMove { moved, .. }) = moves().next() else { return Vec::new() };
         let center = moved.path.before;
-        let reach = |PartialMove { moved, reach, .. }: &PartialMove<'_>| {
+        let hit_distance = |PartialMove { moved, hit_distance, .. }: &PartialMove<'_>| {
             let before = moved.path.before;
-            let reach = length(boundary.displacement(center, before)) + reach;
-            reach + rounding(before, reach)
+            let hit_distance = length(boundary.displacement(center, before)) + hit_distance;
+            hit_distance + rounding(before, hit_distance)
         };
-        let reach = moves().map(reach).fold(0.0, f32::max);
+        let hit_distance = moves().map(hit_distance).fold(0.0, f32::max);
         let is_near = |body: &&ReceiverState| {
             let receiver_move = self.receiver_moves[body.index as usize];
             let height = signed_distance(body.receiver.radius, receiver_move.center, boundary, center);
-            let slack = rounding(center, 2.0 * body.receiver.radius + height.abs() + reach);
+            let slack = rounding(center, 2.0 * body.receiver.radius + height.abs() + hit_distance);
             // One displacement from the end of the step to the release, and one in the path since.
-            height <= reach + 2.0 * length(receiver_move.displacement) + slack
+            height <= hit_distance + 2.0 * length(receiver_move.displacement) + slack
         };
         self.events.surfaces.bodies.all.iter().filter(is_near).collect()
     }

@@ -138,7 +138,7 @@ fn origins_are_restored_if_all_ids_are_of_scheduled_releases() {
         |state: &State| Simulation::resume(model.clone(), 3, Algorithm::Auto, state.clone()).unwrap();
     assert_eq!(resumed(&silent).state(), &expected);
     let more = State { next_id: silent.next_id + 1, ..silent };
-    assert_eq!(resumed(&more).state().origins.of(0), None);
+    assert_eq!(resumed(&more).state().origins.origin_of(0), None);
 }
 
 #[test]
@@ -149,7 +149,7 @@ fn emitted_particles_continue_from_site_to_site() {
     let model = Model { time_step: 0.1, species, ..Model::default() };
     let burst = |id| {
         let one = Emission { transmitter: 0, species: 0, count: 1 };
-        model.burst(&Batch::of_ids(&transmitter, one, id, &[]), Key::new(3)).unwrap()
+        model.burst(&Batch::from_ids(&transmitter, one, id, &[]), Key::new(3)).unwrap()
     };
     let position = |id| burst(id).particles.get(0).position[0];
     assert_eq!([4, 5, 6, 7, 8].map(position), [-1.5, -0.5, 0.5, 1.5, -1.5]);

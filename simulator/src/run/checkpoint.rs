@@ -131,7 +131,7 @@ impl Checkpoint {
         let wanted = |k: usize| {
             let own = if k == 0 { state.particles.len() } else { state.bound.len() };
             let all = parts.iter().map(|part| part.counts()[k]).sum();
-            slice.of(if parts.is_empty() { own as u64 } else { all }, 0)
+            slice.range(if parts.is_empty() { own as u64 } else { all }, 0)
         };
         let wanted = [0, 1].map(wanted);
         if parts.is_empty() {
@@ -197,7 +197,7 @@ fn forget_parts(path: &Path, step: u32, parts: u32) {
         let belongs = of == step && rank < parts;
         // Other programs may number their backups.
         let is_part =
-            part_of(path, of, rank).file_name() == Some(&file) && sealed::is_of(&entry.path(), Kind::Part);
+            part_of(path, of, rank).file_name() == Some(&file) && sealed::has_kind(&entry.path(), Kind::Part);
         if is_part && !belongs {
             drop::<std::io::Result<()>>(std::fs::remove_file(entry.path()));
         }
@@ -266,12 +266,13 @@ mod tests {
         let refused = |rank| read.clone().into_slice(&path, RankSlice::new(rank, 2)).is_err();
         assert_eq!([0, 1].map(refused), [true, false]);
         std::fs::write(&idle, whole).expect("is written");
-        let kept = ["checkpoint.2024.11", "checkpoint.000000003.7"].map(|name| directory.path().join(name));
-        kept.iter().for_each(|path| std::fs::write(path, "the work of years").expect("is written"));
+        let retained =
+            ["checkpoint.2024.11", "checkpoint.000000003.7"].map(|name| directory.path().join(name));
+        retained.iter().for_each(|path| std::fs::write(path, "the work of years").expect("is written"));
         let unnamed = directory.path().join("checkpoint.3.2");
         std::fs::copy(part_of(&path, 3, 2), &unnamed).expect("is copied");
         Checkpoint { parts: Vec::new(), ..checkpoint }.write(&path).expect("is written");
-        assert!(kept.iter().chain([&unnamed]).all(|path| path.exists()));
+        assert!(retained.iter().chain([&unnamed]).all(|path| path.exists()));
         assert_eq!(std::fs::read_dir(directory.path()).expect("is there").count(), 4);
     }
 }

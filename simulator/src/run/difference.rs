@@ -1,7 +1,7 @@
 use toml::Value;
 
 /// Returns the first key with different values; `None` if only comments or layout differ.
-pub(super) fn of_scenarios(before: &str, now: &str) -> Option<String> {
+pub(super) fn first_difference(before: &str, now: &str) -> Option<String> {
     let [before, now] = [before, now].map(|text| text.parse::<toml::Table>().ok().map(Value::Table));
     value_difference("", &before?, &now?)
 }
@@ -57,7 +57,7 @@ mod tests {
     #[test]
     fn first_different_key_is_named() {
         let scenario = "steps = 10\n[[species]]\nname = 'A'\nradius = 0.5\n[output]\nframes = ['xyz']\n";
-        let differs = |from: &str, to: &str| of_scenarios(scenario, &scenario.replace(from, to));
+        let differs = |from: &str, to: &str| first_difference(scenario, &scenario.replace(from, to));
         assert_eq!(differs("steps = 10", "steps = 20").as_deref(), Some("'steps' is 10 there and 20 now"));
         assert_eq!(differs("0.5", "0.25").as_deref(), Some("'species[0].radius' is 0.5 there and 0.25 now"));
         assert_eq!(differs("'A'", "'B'").as_deref(), Some("'species[0].name' is 'A' there and 'B' now"));

@@ -18,7 +18,7 @@ impl Run {
 
     pub(super) fn disk_estimate(&self, simulation: &impl RunView) -> DiskEstimate {
         let Scenario { steps, output, text, .. } = &self.scenario;
-        DiskEstimate::of(simulation, *output, *steps, text)
+        DiskEstimate::new(simulation, *output, *steps, text)
     }
 
     /// Warns if the output may exceed the disk, refuses if it surely does.
@@ -37,7 +37,7 @@ impl Run {
         if needed <= free {
             return Ok(());
         }
-        Err(self.no_room(format!(
+        Err(self.disk_full_error(format!(
             "the run is going to write about {} MB and the disk has {} MB left; write frames less often, choose another \
              directory, or try all the same with --no-space-check",
             least >> 20,
@@ -51,13 +51,13 @@ impl Run {
     }
 
     pub(crate) fn stopped_early(&self, steps: u32) -> Error {
-        self.no_room(format!(
+        self.disk_full_error(format!(
             "it stopped after {steps} steps with a checkpoint, before the disk is full; make room and continue with --resume \
              (--no-space-check continues until the disk is full)"
         ))
     }
 
-    fn no_room(&self, message: String) -> Error {
+    fn disk_full_error(&self, message: String) -> Error {
         let source = std::io::Error::new(std::io::ErrorKind::StorageFull, message);
         Error::Write { path: self.directory.clone(), source }
     }
@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn run_that_loses_its_particles_needs_no_room_for_all() {
+    fn run_that_loses_its_particles_needs_no_space_for_all() {
         let directory = tempfile::tempdir().unwrap();
         let run = run(4_000_000_000, "every = 4000000000\n", directory.path());
         let (end, simulation) = run

@@ -55,12 +55,12 @@ impl State {
         let before = self.bound.len();
         let (arrived, occupied) = (&mut self.totals.arrived, &mut self.totals.occupied);
         self.bound.retain(|bound| {
-            let is_kept = !is_named(bound.id);
-            if !is_kept {
+            let is_retained = !is_named(bound.id);
+            if !is_retained {
                 arrived[bound.receiver as usize][bound.species as usize] -= 1;
                 occupied[bound.receptor as usize] -= 1;
             }
-            is_kept
+            is_retained
         });
         indices.len() + before - self.bound.len()
     }
@@ -74,7 +74,7 @@ impl State {
         known(model, species)?;
         let ids = self.take_ids(count.into())?;
         self.particles.reserve(count.into(), model.has_velocity())?;
-        let batch = Batch::of_ids(from, emission, ids.start, &ReceiverMove::at_rest(&self.centers));
+        let batch = Batch::from_ids(from, emission, ids.start, &ReceiverMove::at_rest(&self.centers));
         let released = model.burst(&batch, key)?;
         self.next_id = ids.end;
         self.totals.enter(&released);
@@ -228,7 +228,7 @@ mod tests {
             (particles.position_of(50), particles.radius[50], particles.id[51]),
             ([1.0, 2.0, 3.0], 0.2, 51)
         );
-        assert_eq!(run.state.origins.of(50), None);
+        assert_eq!(run.state.origins.origin_of(50), None);
         run.step().expect("a step");
         assert_ne!(run.state.particles.position_of(50), [1.0, 2.0, 3.0]);
         let refused = run.add(2, &[[0.0; 3]]).expect_err("an unknown species").to_string();
@@ -273,7 +273,7 @@ mod tests {
         let ids = run.emit(0, 1, 1000).expect("a known transmitter");
         assert_eq!(ids, 50..1050);
         let origin = Some(Origin { transmitter: 0, step: 3 });
-        assert_eq!([50, 1049].map(|id| run.state.origins.of(id)), [origin; 2]);
+        assert_eq!([50, 1049].map(|id| run.state.origins.origin_of(id)), [origin; 2]);
         let radius =
             |at: usize| run.state.particles.position_of(at).map(|x| x * x).iter().sum::<f32>().sqrt();
         let radii: Vec<f32> = (50..1050).map(radius).collect();
@@ -299,10 +299,10 @@ mod tests {
     #[test]
     fn detached_particles_do_not_change() {
         let mut run = simulation();
-        let kept = run.detach_particles().expect("memory");
-        assert_eq!(kept, run.state.particles);
+        let detached = run.detach_particles().expect("memory");
+        assert_eq!(detached, run.state.particles);
         run.step().expect("a step");
-        assert_eq!(kept.len(), 50);
-        assert_ne!(kept, run.state.particles);
+        assert_eq!(detached.len(), 50);
+        assert_ne!(detached, run.state.particles);
     }
 }

@@ -17,12 +17,12 @@ impl Run {
         if simulation.backend() == Backend::Cpu {
             return error;
         }
-        let done = simulation.step_count();
+        let step_count = simulation.step_count();
         let mut saved = last.saved;
-        if done > saved {
-            match self.record_and_save(simulation, files, done > last.recorded) {
-                Ok(()) => saved = done,
-                Err(unsaved) => log::warn!("the {done} steps done have no checkpoint: {unsaved}"),
+        if step_count > saved {
+            match self.record_and_save(simulation, files, step_count > last.recorded) {
+                Ok(()) => saved = step_count,
+                Err(unsaved) => log::warn!("the {step_count} steps done have no checkpoint: {unsaved}"),
             }
         }
         match error {

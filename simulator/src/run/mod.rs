@@ -245,18 +245,18 @@ impl Run {
         self.check_continues(&path, &checkpoint)?;
         let (own, backend, records) = (&self.scenario, checkpoint.backend.clone(), checkpoint.files.clone());
         let state = checkpoint.into_state(&path)?;
-        let done = state.step;
+        let step_count = state.step;
         let simulation =
             AnySimulation::begin(&own.model, own.seed, self.backend, self.algorithm, Some(state))?;
         if backend != simulation.backend().name() {
-            self.warn_of_backends(done, &backend, simulation.backend());
+            self.warn_of_backends(step_count, &backend, simulation.backend());
         }
         self.check_disk_space(&simulation, slot)?;
-        if let Some(plots) = self.report.filter(|_| done < own.steps) {
+        if let Some(plots) = self.report.filter(|_| step_count < own.steps) {
             let former = output::refuse_foreign_page(&self.directory)?;
-            output::refuse_foreign_parts(&self.directory, &former, plots, &output::TABLES)?;
+            output::refuse_foreign_files(&self.directory, &former, plots, &output::TABLES)?;
         }
-        let run = WrittenRun { model: &own.model, seed: own.seed, records: &records, done };
+        let run = WrittenRun { model: &own.model, seed: own.seed, records: &records, step_count };
         let files = Files::reopen(&self.directory, own.output, run, lock)?;
         Ok((simulation, files))
     }
@@ -270,9 +270,9 @@ impl Run {
         }
     }
 
-    pub(crate) fn warn_of_backends(&self, done: u32, before: &str, now: Backend) {
+    pub(crate) fn warn_of_backends(&self, step_count: u32, before: &str, now: Backend) {
         log::warn!(
-            "the first {done} steps were done on the {before}, those to come are on the {now}: they round differently, so \
+            "the first {step_count} steps were done on the {before}, those to come are on the {now}: they round differently, so \
              that the run has the same statistics as one on either, and is the same as neither"
         );
     }
@@ -283,7 +283,7 @@ impl Run {
         let own = &self.scenario;
         if !is_same_text(scenario, &own.text) {
             let name = self.path.display();
-            let differs = match difference::of_scenarios(scenario, &own.text) {
+            let differs = match difference::first_difference(scenario, &own.text) {
                 Some(what) => format!(": {what}"),
                 None => String::new(),
             };

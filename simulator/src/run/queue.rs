@@ -49,16 +49,16 @@ pub(crate) fn run_all(
         }
         Ok(())
     })?;
-    let mut done = vec![Vec::new(); groups.len()];
+    let mut finished = vec![Vec::new(); groups.len()];
     for ((group, replica), end) in queue.ended.into_inner().unwrap_or_else(PoisonError::into_inner) {
         match end {
-            Ok(RunEnd::Finished) => done[group].push(replica),
+            Ok(RunEnd::Finished) => finished[group].push(replica),
             Ok(RunEnd::Stopped) => {}
             Err(error) => return Err((group, Error::Replica { replica, source: Box::new(error) })),
         }
     }
-    let results = groups.iter().zip(done).enumerate();
-    results.map(|(k, (group, done))| group.results(&done).map_err(|error| (k, error))).collect()
+    let results = groups.iter().zip(finished).enumerate();
+    results.map(|(k, (group, finished))| group.results(&finished).map_err(|error| (k, error))).collect()
 }
 
 struct RunQueue<'a> {

@@ -29,7 +29,7 @@ pub struct ReplicaResults {
     /// [`RunEnd::Finished`] if all are done.
     pub end: RunEnd,
     /// Ascending.
-    pub done: Vec<u32>,
+    pub finished: Vec<u32>,
 }
 
 pub fn seed_of(seed: u64, replica: u32) -> u64 {
@@ -50,7 +50,7 @@ impl Replicas {
         watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
     ) -> Result<ReplicaResults, Error> {
         let results = self.run_unless(|| false, watch)?;
-        Ok(results.unwrap_or(ReplicaResults { end: RunEnd::Stopped, done: Vec::new() }))
+        Ok(results.unwrap_or(ReplicaResults { end: RunEnd::Stopped, finished: Vec::new() }))
     }
 
     /// Does [`run`](Self::run), and asks `is_cancelled` while the seeds are written, which takes minutes for
@@ -165,7 +165,7 @@ impl Replicas {
         }
         let Some(plots) = self.run.report else { return Ok(()) };
         let former = output::refuse_foreign_page(directory)?;
-        match output::refuse_foreign_parts(directory, &former, plots, &output::TABLES) {
+        match output::refuse_foreign_files(directory, &former, plots, &output::TABLES) {
             // If no step is left, the tables may equal those to be written. Their writer sees that.
             Err(error) if self.is_outdated()? => Err(error),
             _ => Ok(()),
@@ -239,18 +239,18 @@ impl Replicas {
     }
 
     pub(crate) fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
-        let mut done = Vec::new();
+        let mut finished = Vec::new();
         for replica in self.begun()? {
-            if ended.binary_search(&replica).is_ok() || is_done(&self.replica(replica))? {
-                done.push(replica);
+            if ended.binary_search(&replica).is_ok() || is_finished(&self.replica(replica))? {
+                finished.push(replica);
             }
         }
         let end = if ended.len() == self.count.get() as usize { RunEnd::Finished } else { RunEnd::Stopped };
-        Ok(ReplicaResults { end, done })
+        Ok(ReplicaResults { end, finished })
     }
 }
 
-fn is_done(replica: &Run) -> Result<bool, Error> {
+fn is_finished(replica: &Run) -> Result<bool, Error> {
     match finished(replica)? {
         None => Ok(false),
         Some(files) => output::check(&replica.directory, &files).map(|()| true),
@@ -292,7 +292,7 @@ mod tests {
                         [[transmitter]]\nname = \"tx\"\nrelease = [{ species = \"A\", count = 5 }]\n";
 
     #[test]
-    fn replicas_of_another_scenario_or_seed_are_not_done() {
+    fn replicas_of_another_scenario_or_seed_are_not_finished() {
         let directory = tempfile::tempdir().expect("a directory");
         let replicas = |text: &str, seed: u64| {
             let mut run = Run::new(scenario(text), "s.toml", directory.path());
@@ -300,11 +300,11 @@ mod tests {
             Replicas { run, count: NonZeroU32::new(2).expect("two") }
         };
         replicas(TEXT, 7).run(|_, _| ControlFlow::Continue(())).expect("a run");
-        let done = |replicas: Replicas| replicas.results(&[]).expect("checkpoints").done;
-        assert_eq!(done(replicas(TEXT, 7)), [0, 1]);
-        assert_eq!(done(replicas(&TEXT.replace("= 1", "= 2"), 7)), [0; 0]);
-        assert_eq!(done(replicas(TEXT, 8)), [0; 0]);
-        assert_eq!(done(replicas(&TEXT.replace("[[t", "\n\n[[t"), 7)), [0, 1]);
+        let finished = |replicas: Replicas| replicas.results(&[]).expect("checkpoints").finished;
+        assert_eq!(finished(replicas(TEXT, 7)), [0, 1]);
+        assert_eq!(finished(replicas(&TEXT.replace("= 1", "= 2"), 7)), [0; 0]);
+        assert_eq!(finished(replicas(TEXT, 8)), [0; 0]);
+        assert_eq!(finished(replicas(&TEXT.replace("[[t", "\n\n[[t"), 7)), [0, 1]);
     }
 
     #[test]

@@ -45,12 +45,12 @@ pub(crate) fn write(path: &Path, kind: Kind, content: &impl Serialize) -> Result
     let mut checksum = 0;
     output::write_atomically(path, |out| {
         let mut bytes = kind.first_line().into_bytes();
-        let [sum_at, length_at, body_at] = [0, 8, 16].map(|after| bytes.len() + after);
-        bytes.resize(body_at, 0);
+        let [sum_at, length_at, payload_at] = [0, 8, 16].map(|after| bytes.len() + after);
+        bytes.resize(payload_at, 0);
         let mut bytes = postcard::to_extend(content, bytes).map_err(std::io::Error::other)?;
-        let length = (bytes.len() - body_at) as u64;
-        bytes[length_at..body_at].copy_from_slice(&length.to_le_bytes());
-        checksum = checksum::of_bytes(&bytes[length_at..]);
+        let length = (bytes.len() - payload_at) as u64;
+        bytes[length_at..payload_at].copy_from_slice(&length.to_le_bytes());
+        checksum = checksum::xxh64(&bytes[length_at..]);
         bytes[sum_at..length_at].copy_from_slice(&checksum.to_le_bytes());
         out.write_all(&bytes)
     })?;
@@ -73,23 +73,23 @@ pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u
             _ => damaged(Damage::Header { expected: kind.first_line().trim_end().to_owned() }),
         });
     };
-    let Some((&sum, (&length, body))) =
+    let Some((&sum, (&length, payload))) =
         split_number(rest).and_then(|(sum, rest)| Some((sum, split_number(rest)?)))
     else {
         let header = (bytes.len() - rest.len() + 16) as u64;
         return Err(damaged(Damage::Length { found: bytes.len() as u64, expected: header }));
     };
-    let (found, expected) = (body.len() as u64, u64::from_le_bytes(length));
+    let (found, expected) = (payload.len() as u64, u64::from_le_bytes(length));
     if found != expected {
-        let header = (bytes.len() - body.len()) as u64;
+        let header = (bytes.len() - payload.len()) as u64;
         let expected = header.saturating_add(expected);
         return Err(damaged(Damage::Length { found: bytes.len() as u64, expected }));
     }
-    let (found, expected) = (checksum::of_bytes(&rest[8..]), u64::from_le_bytes(sum));
+    let (found, expected) = (checksum::xxh64(&rest[8..]), u64::from_le_bytes(sum));
     if found != expected {
         return Err(damaged(Damage::Checksum { found, expected }));
     }
-    match postcard::take_from_bytes(body) {
+    match postcard::take_from_bytes(payload) {
         Ok((content, [])) => Ok((content, found)),
         Ok((_, rest)) => Err(damaged(Damage::Content(format!("{} bytes are left over", rest.len())))),
         Err(error) => Err(damaged(Damage::Content(error.to_string()))),
@@ -97,7 +97,7 @@ pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u
 }
 
 /// Returns `true` for a file of this kind and any version.
-pub(crate) fn is_of(path: &Path, kind: Kind) -> bool {
+pub(crate) fn has_kind(path: &Path, kind: Kind) -> bool {
     let start = output::start_of(path, MAX_FIRST_LINE);
     version(&start).is_some_and(|version| start.starts_with(kind.first_line_of(version).as_bytes()))
 }

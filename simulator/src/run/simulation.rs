@@ -216,7 +216,7 @@ impl Simulation {
                     self.state.totals.arrived[receiver as usize][species as usize] += 1;
                     if self.model.logs_arrivals {
                         let id = self.state.particles.id[at as usize];
-                        let origin = self.state.origins.of(id);
+                        let origin = self.state.origins.origin_of(id);
                         let step = self.state.step + 1;
                         self.arrivals.push(Arrival { receiver, species, id, step, origin });
                     }
@@ -338,7 +338,7 @@ impl Simulation {
         self.state.next_id = released as u32;
         if self.model.logs_arrivals {
             for (id, &parent) in (first_id..).zip(parents) {
-                self.state.origins.enter(id, self.state.origins.of(parent));
+                self.state.origins.enter(id, self.state.origins.origin_of(parent));
             }
         }
         let mut removed = Vec::new();

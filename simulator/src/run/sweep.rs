@@ -110,7 +110,7 @@ impl SweepRuns {
         output::refuse_other_table(&self.directory, output::SWEEP, "point,")?;
         let Some(plots) = self.points.first().and_then(|point| point.run.report) else { return Ok(()) };
         let former = output::refuse_foreign_page(&self.directory)?;
-        output::refuse_foreign_parts(&self.directory, &former, plots, &[]).or_else(|error| {
+        output::refuse_foreign_files(&self.directory, &former, plots, &[]).or_else(|error| {
             for point in &self.points {
                 if !point.run.resume || point.is_outdated()? {
                     return Err(error);

@@ -59,8 +59,8 @@ impl Sweep {
         // `Scenario::parse` reports a text that is not TOML.
         let Ok(file) = DeTable::parse(text) else { return Ok(None) };
         let mut keys = section_keys(text, file.get_ref()).map_err(placed)?;
-        let given = options.iter().map(|option| option_key(option)).collect::<Result<Vec<_>, _>>();
-        given.and_then(|given| replace_keys(&mut keys, given)).map_err(Error::Model)?;
+        let option_keys = options.iter().map(|option| option_key(option)).collect::<Result<Vec<_>, _>>();
+        option_keys.and_then(|option_keys| replace_keys(&mut keys, option_keys)).map_err(Error::Model)?;
         if keys.is_empty() {
             return Ok(None);
         }
@@ -313,16 +313,16 @@ fn without_section(text: &str, file: &DeTable<'_>) -> String {
 }
 
 /// Replaces the keys of a section by those of options. Options name each key once.
-fn replace_keys(keys: &mut Vec<SweptKey>, given: Vec<SweptKey>) -> Result<(), String> {
-    for (k, key) in given.iter().enumerate() {
-        if given[..k].iter().any(|other| other.path == key.path) {
+fn replace_keys(keys: &mut Vec<SweptKey>, option_keys: Vec<SweptKey>) -> Result<(), String> {
+    for (k, key) in option_keys.iter().enumerate() {
+        if option_keys[..k].iter().any(|other| other.path == key.path) {
             let path = excerpt(key.path.as_bytes());
             return Err(format!(
                 "--sweep {path}: given twice; give all values at once, such as {path}=1,2,3"
             ));
         }
     }
-    for key in given {
+    for key in option_keys {
         match keys.iter_mut().find(|known| known.path == key.path) {
             Some(known) => *known = key,
             None => keys.push(key),

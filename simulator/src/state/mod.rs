@@ -73,7 +73,7 @@ impl State {
         model.check()?;
         let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
         let receiver_moves = ReceiverMove::at_rest(&centers);
-        let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
+        let mut state = Self { totals: Totals::new(model), centers, ..Self::default() };
         // No particle was released before step 0, so none arrives.
         let events = PartialEvents::new(model);
         let at = ReleaseStep {
@@ -101,7 +101,7 @@ impl State {
 
     /// Returns the state of one rank, whose totals count its own particles. The first rank keeps all other totals.
     pub(crate) fn into_rank_state(self, model: &Model, is_first: bool) -> Self {
-        let mut totals = if is_first { self.totals } else { Totals::of(model) };
+        let mut totals = if is_first { self.totals } else { Totals::new(model) };
         totals.present.fill(0);
         self.particles.species.iter().for_each(|&species| totals.present[species as usize] += 1);
         totals.occupied.fill(0);
@@ -203,7 +203,7 @@ impl Totals {
         lists.flatten().chain([pairs, contacts])
     }
 
-    pub(crate) fn of(model: &Model) -> Self {
+    pub(crate) fn new(model: &Model) -> Self {
         let species = model.species.len();
         Self {
             present: vec![0; species],

@@ -48,15 +48,15 @@ fn distance(a: &Particles, b: &Particles, boundary: &Boundary) -> f32 {
 fn collisions_are_those_of_the_cpu() {
     let Some(own) = device() else { return };
     for contact in [Contact::Separate, Contact::Elastic] {
-        for room in 0..5 {
+        for case in 0..5 {
             let mut model = crowd(contact, 0.25, 0.15, 6);
             let half = 4.0;
-            match room {
+            match case {
                 // Reactants pass through each other, however seldom they react.
                 0 => model.reactions = vec![models::reaction([0, 1], [None; 2], 0.1, 0.0)],
                 1 => model.boundary = Boundary::reflecting([-half; 3], [half; 3]),
                 2 | 3 => {
-                    let vessel = Vessel { along: (room == 2).then_some(2), center: [0.0; 3], radius: 6.5 };
+                    let vessel = Vessel { along: (case == 2).then_some(2), center: [0.0; 3], radius: 6.5 };
                     model.boundary = Boundary { vessel: Some(vessel), ..Boundary::default() };
                 }
                 _ => model.boundary = Boundary::default(),
@@ -69,7 +69,7 @@ fn collisions_are_those_of_the_cpu() {
                 assert_eq!(
                     runs.gpu.totals().contacts,
                     runs.cpu.state().totals.contacts,
-                    "{contact:?} {room} {step}"
+                    "{contact:?} {case} {step}"
                 );
                 met += runs.gpu.totals().contacts;
                 let far = distance(
@@ -77,7 +77,7 @@ fn collisions_are_those_of_the_cpu() {
                     &runs.cpu.state().particles,
                     &model.boundary,
                 );
-                assert!(far < 3e-4 * 4f32.powi(step), "{contact:?} {room} {step}: {far}");
+                assert!(far < 3e-4 * 4f32.powi(step), "{contact:?} {case} {step}: {far}");
             }
             assert!(met > 50, "{met}");
         }

@@ -98,7 +98,7 @@ fn steps_may_be_asked_for_in_any_portions() {
 }
 
 #[test]
-fn either_side_goes_on_where_the_other_stopped() {
+fn either_backend_resumes_where_the_other_stopped() {
     let Some(own) = device() else { return };
     let model = dyadic();
     let mut whole = cpu(&model, 5);
@@ -225,7 +225,7 @@ fn many_receivers() {
 }
 
 #[test]
-fn overlaps_are_counted_without_room_for_them() {
+fn overlaps_are_counted_without_capacity_for_them() {
     let Some(own) = device() else { return };
     let mut model = dyadic();
     model.reactions.clear();
@@ -262,10 +262,10 @@ fn models_beyond_the_device_are_refused_by_name() {
         m.receivers = row(2_500, &ReceiverKind::Receptors(vec![kind; 5]));
     });
     assert!(types.contains("30000 counts of a receiver and a species, beyond 25000"), "{types}");
-    let crowd = refused(|m| m.receivers = row(40_000, &ReceiverKind::Absorbing));
-    assert!(crowd.contains("80000 counts"), "{crowd}");
-    let crowd = refused(|m| m.receivers = row(13_000, &ReceiverKind::Reflecting));
-    assert!(crowd.contains("26000 counts of a receiver and a species, beyond 25000"), "{crowd}");
+    let message = refused(|m| m.receivers = row(40_000, &ReceiverKind::Absorbing));
+    assert!(message.contains("80000 counts"), "{message}");
+    let message = refused(|m| m.receivers = row(13_000, &ReceiverKind::Reflecting));
+    assert!(message.contains("26000 counts of a receiver and a species, beyond 25000"), "{message}");
     assert!(past_receivers(&own, 140).is_none());
     let drifting = past_receivers(&own, 160).expect("a reason");
     assert!(drifting.contains("64160 loop iterations, beyond 59680; use fewer receivers, or"), "{drifting}");

@@ -47,9 +47,9 @@ fn planes(time_step: f64) -> Model {
 #[test]
 fn planes_hold_back_as_on_the_cpu() {
     let periodic = Boundary::periodic([-2.0; 3], [2.0; 3]);
-    let rooms = [brownian(false).boundary, periodic, Boundary::default()];
+    let boundaries = [brownian(false).boundary, periodic, Boundary::default()];
     for (seed, (boundary, time_step)) in
-        (71..).zip(rooms.into_iter().flat_map(|room| [(room, 0.005), (room, 0.1)]))
+        (71..).zip(boundaries.into_iter().flat_map(|boundary| [(boundary, 0.005), (boundary, 0.1)]))
     {
         let model = Model { boundary, ..planes(time_step) };
         let state = compare(&model, seed, 8);

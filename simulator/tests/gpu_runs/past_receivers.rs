@@ -24,7 +24,7 @@ fn past(diffusion: f64, boundary: Boundary) -> Model {
     }
 }
 
-fn rooms() -> [Boundary; 4] {
+fn boundaries() -> [Boundary; 4] {
     let vessel = |along| Some(Vessel { along, center: [0.0; 3], radius: 3.5 });
     let period = Axis::Periodic { low: -2.0, high: 2.0 };
     [
@@ -44,15 +44,15 @@ fn assert_arrivals(model: &Model, seed: u64) {
 
 #[test]
 fn drifting_particles_hit_receivers_as_on_the_cpu() {
-    for (seed, room) in (71..).zip(rooms()) {
-        assert_arrivals(&past(2.0, room), seed);
+    for (seed, boundary) in (71..).zip(boundaries()) {
+        assert_arrivals(&past(2.0, boundary), seed);
     }
 }
 
 #[test]
 fn lines_hit_receivers_as_on_the_cpu() {
-    for (seed, room) in (75..).zip(rooms()) {
-        assert_arrivals(&past(0.0, room), seed);
+    for (seed, boundary) in (75..).zip(boundaries()) {
+        assert_arrivals(&past(0.0, boundary), seed);
     }
 }
 
@@ -68,7 +68,7 @@ fn decaying_swimmers_hit_receivers_as_on_the_cpu() {
 
 #[test]
 fn poiseuille_flow_past_receivers_matches_the_cpu() {
-    let [_, _, cylinder, _] = rooms();
+    let [_, _, cylinder, _] = boundaries();
     let mut model = past(2.0, cylinder);
     model.species.iter_mut().for_each(|kind| kind.drift = [0.0; 3]);
     model.flow = Some(Flow::Poiseuille { mean: 1500.0 });

@@ -32,7 +32,7 @@ fn swimmers_follow_attractants_as_on_the_cpu() {
     let gaussian = AttractantProfile::Gaussian { peak: 3.0, width: 1.5 };
     let source = AttractantProfile::Source { peak: 5e21, radius: 0.5 };
     let periodic = Boundary::periodic([-2.0; 3], [2.0; 3]);
-    for (k, (profile, sensitivity, half_saturation, room)) in [
+    for (k, (profile, sensitivity, half_saturation, boundary)) in [
         (linear, 0.08e-18, None, brownian(false).boundary),
         (linear, 0.4, Some(4e18), Boundary::default()),
         (gaussian, -0.08, None, periodic),
@@ -43,7 +43,7 @@ fn swimmers_follow_attractants_as_on_the_cpu() {
     .into_iter()
     .enumerate()
     {
-        let model = Model { boundary: room, ..following(profile, sensitivity, half_saturation) };
+        let model = Model { boundary, ..following(profile, sensitivity, half_saturation) };
         let state = compare(&model, 41, 8);
         let mut other = model.clone();
         other.species[0].chemotaxis = None;
@@ -97,14 +97,14 @@ fn field(points: [usize; 3], fastest: f32) -> Option<Flow> {
 fn flow_fields_carry_as_on_the_cpu() {
     let plane = Boundary { axes: [Axis::Open, Axis::Open, Axis::Frozen], vessel: None };
     let vessel = Vessel { along: Some(0), center: [0.0; 3], radius: 3.5 };
-    let rooms = [
+    let boundaries = [
         (brownian(false).boundary, [5, 4, 6]),
         (Boundary::periodic([-2.0; 3], [2.0; 3]), [4, 5, 1]),
         (Boundary::default(), [1, 1, 7]),
         (Boundary { axes: [Axis::Open; 3], vessel: Some(vessel) }, [6, 3, 3]),
         (plane, [3, 3, 1]),
     ];
-    for (seed, (boundary, points)) in (51..).zip(rooms) {
+    for (seed, (boundary, points)) in (51..).zip(boundaries) {
         let mut model = Model { flow: field(points, 40.0), time_step: 0.004, boundary, ..brownian(true) };
         if boundary == plane {
             for transmitter in &mut model.transmitters {

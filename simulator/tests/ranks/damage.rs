@@ -230,7 +230,7 @@ fn damaged_series_of_a_replica_is_not_averaged_when_replicas_are_stopped() {
     };
     replicas(false, ControlFlow::Continue(())).unwrap();
     let stopped = replicas(true, ControlFlow::Break(())).unwrap();
-    assert_eq!((stopped.end, stopped.done), (RunEnd::Stopped, vec![0, 1]));
+    assert_eq!((stopped.end, stopped.finished), (RunEnd::Stopped, vec![0, 1]));
     let path = directory.path().join("replica-0001/series.csv");
     let mut bytes = fs::read(&path).unwrap();
     *bytes.last_mut().unwrap() ^= 1;

@@ -97,7 +97,7 @@ pub(crate) fn go_on(detector: &Config, run: &Run, ranks: u32) {
         return;
     }
     for end in threads::on(ranks, |thread| {
-        run.run_distributed(thread, detector.clone(), |_| ControlFlow::Continue(())).map(|done| done.0)
+        run.run_distributed(thread, detector.clone(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
     }) {
         assert_eq!(end, Ok(RunEnd::Finished));
     }
@@ -215,10 +215,10 @@ fn resume_with_another_flow_field_is_refused() {
     write(2.0);
     go(&run(10), 2);
     write(3.0);
-    let alone = run(20).run(|_| ControlFlow::Continue(())).map(|done| done.0).unwrap_err().to_string();
+    let alone = run(20).run(|_| ControlFlow::Continue(())).map(|ends| ends.0).unwrap_err().to_string();
     let all = threads::on(2, |thread| {
-        let done = run(20).run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(()));
-        done.map(|done| done.0).unwrap_err().to_string()
+        let ends = run(20).run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(()));
+        ends.map(|ends| ends.0).unwrap_err().to_string()
     });
     for error in all.into_iter().chain([alone]) {
         assert!(
@@ -250,17 +250,17 @@ fn lost_part_is_named_and_run_is_not_replaced_unasked() {
     go(&run(directory.path(), 10, false), 2);
     std::fs::remove_file(directory.path().join("checkpoint.000000010.1")).unwrap();
     let resumed = run(directory.path(), 20, true);
-    let done = threads::on(3, |thread| {
-        resumed.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
+    let ends = threads::on(3, |thread| {
+        resumed.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
     });
-    let said: Vec<_> = done.into_iter().map(Result::unwrap_err).collect();
+    let said: Vec<_> = ends.into_iter().map(Result::unwrap_err).collect();
     assert_eq!(said, vec![said[0].clone(); 3]);
     assert!(said[0].contains("checkpoint.000000010.1: cannot read"), "{}", said[0]);
     let run = run(directory.path(), 20, false);
-    let done = threads::on(2, |thread| {
-        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
+    let ends = threads::on(2, |thread| {
+        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
     });
-    assert!(done.iter().all(|end| end.as_ref().unwrap_err().contains("it holds a run already")), "{done:?}");
+    assert!(ends.iter().all(|end| end.as_ref().unwrap_err().contains("it holds a run already")), "{ends:?}");
 }
 
 #[test]
@@ -269,11 +269,11 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     let base = || run(directory.path(), 20, false);
     let refused = |name: &str, odd: Run| {
         let base = base();
-        let done = threads::on(3, |thread| {
+        let ends = threads::on(3, |thread| {
             let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { &odd } else { &base };
-            run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
+            run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
         });
-        let said: Vec<_> = done.into_iter().map(Result::unwrap_err).collect();
+        let said: Vec<_> = ends.into_iter().map(Result::unwrap_err).collect();
         assert_eq!(said, vec![said[0].clone(); 3]);
         let expected = format!("rank 0: the setting `{name}` is ");
         assert!(
@@ -295,9 +295,9 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     refused("seed", with(|scenario| scenario.seed = 8));
     refused("model", with(|scenario| scenario.model.reactions[0].binding_radius = 1.0_f32.next_up()));
     let own = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
-    let done = threads::on(3, |thread| {
+    let ends = threads::on(3, |thread| {
         let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { own.clone() } else { base() };
-        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
+        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
     });
-    assert_eq!(done, vec![Ok(RunEnd::Finished); 3]);
+    assert_eq!(ends, vec![Ok(RunEnd::Finished); 3]);
 }

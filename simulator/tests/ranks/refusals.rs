@@ -10,7 +10,7 @@ fn errors(model: &Model, steps: u32) -> Vec<String> {
         (0..steps).try_for_each(|_| run.step())
     })
     .into_iter()
-    .map(|done| done.unwrap_err())
+    .map(|ended| ended.unwrap_err())
     .collect()
 }
 

@@ -53,9 +53,9 @@ pub(crate) fn acid_base() -> Vec<Row> {
             steps(&mut simulation, 1);
             let (totals, ids) = (&simulation.state().totals, simulation.state().particles.id.len() as u64);
             let reacted = totals.reacted[0];
-            let kept = [totals.present[0] + reacted, totals.present[1] + reacted];
+            let conserved = [totals.present[0] + reacted, totals.present[1] + reacted];
             let left = u64::from(acid + base) - 2 * reacted;
-            wrong += u64::from(kept != [u64::from(acid), u64::from(base)] || ids != left);
+            wrong += u64::from(conserved != [u64::from(acid), u64::from(base)] || ids != left);
         }
         let inside = simulation.received().swap_remove(0);
         (inside[0] as f64 - inside[1] as f64, wrong, simulation.state().totals.reacted[0])

@@ -143,8 +143,8 @@ fn hemisphere_on_a_plane() -> Row {
     let mut model = model(time_step, boundary, 0.0, &format!("[{at}, {at}, 0]"), &["low-x"]);
     model.transmitters[0].release[0].1 = n;
     model.receivers.push(receiver(1.0, ReceiverKind::Absorbing));
-    let [still, turned] = [0.0, 0.5 * at].map(legendre);
-    let term = |l: usize| (still[l - 1] - still[l + 1]) * 0.5_f64.powi(l as i32 + 1) * turned[l];
+    let [still, rotated] = [0.0, 0.5 * at].map(legendre);
+    let term = |l: usize| (still[l - 1] - still[l + 1]) * 0.5_f64.powi(l as i32 + 1) * rotated[l];
     let expected = (1..40).step_by(2).map(term).sum();
     let found = taken(&model, (20.0 / time_step) as u32, 1, 14) * f64::from(N) / f64::from(n);
     Row::fraction(format!("hemisphere on the plane, steps of {spread}"), expected, found, n)

@@ -34,7 +34,7 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
         Err(CliError::StoppedRuns { done, count: count.into(), runs: "replicas", command, signal })
     };
     let Some(mut replicated) = replicated else { return stopped(0) };
-    let mean = MeanSeries::of_replicas(replicas, &mut replicated)?;
+    let mean = MeanSeries::from_replicas(replicas, &mut replicated)?;
     if replicas.directory_of(0).exists() {
         animation::write(&replicas.replica(0))?;
     }
@@ -44,7 +44,7 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
     let printed = print(summary(replicas, &replicated, &mean));
     match replicated.end {
         RunEnd::Finished => printed,
-        RunEnd::Stopped => stopped(replicated.done.len()),
+        RunEnd::Stopped => stopped(replicated.finished.len()),
     }
 }
 
@@ -89,7 +89,7 @@ impl StepProgress {
 fn summary(replicas: &Replicas, replicated: &ReplicaResults, mean: &MeanSeries) -> String {
     let run = &replicas.run;
     let mut lines = vec![
-        format!("replicas   {} of {} done", replicated.done.len(), replicas.count),
+        format!("replicas   {} of {} done", replicated.finished.len(), replicas.count),
         format!("seed       {}", run.scenario.seed),
     ];
     if let (Some(row), Some(step), Some(time)) =

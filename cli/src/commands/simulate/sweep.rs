@@ -33,7 +33,7 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     let Some(mut results) = results else { return stopped(0) };
     let (mut rows, mut responses) = (Vec::new(), Vec::new());
     for ((point, values), results) in sweep.points.iter().zip(&sweep.values).zip(&mut results) {
-        let mean = MeanSeries::of_replicas(point, results)?;
+        let mean = MeanSeries::from_replicas(point, results)?;
         if point.directory_of(0).exists() {
             animation::write(&point.replica(0))?;
         }
@@ -51,7 +51,7 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     if args.report {
         report::sweep::write(sweep, &rows, &responses)?;
     }
-    let finished: usize = results.iter().map(|results| results.done.len()).sum();
+    let finished: usize = results.iter().map(|results| results.finished.len()).sum();
     let printed = print(summary(sweep, &rows, finished));
     match results.iter().all(|results| results.end == RunEnd::Finished) {
         true => printed,

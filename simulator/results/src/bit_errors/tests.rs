@@ -4,7 +4,7 @@ use crate::symbols::messages;
 use crate::symbols::tests::{log, model, slots};
 use lazygrid_sim::model::message::Symbols;
 
-fn of(model: &Model, delay: u32) -> BitErrors {
+fn bit_errors(model: &Model, delay: u32) -> BitErrors {
     let (_, message) = messages(model).next().unwrap();
     BitErrors::new(model, message, [0, 0], Detector::Arrivals, delay)
 }
@@ -90,7 +90,7 @@ fn slots_without_a_row_are_no_bits() {
 #[test]
 fn bit_errors_of_a_known_sequence() {
     let sent = log(&[(0, 0, 6), (0, 1, 3), (2, 2, 4), (3, 3, 2)]);
-    let mut errors = of(&model(), 0);
+    let mut errors = bit_errors(&model(), 0);
     errors.add(&files(sent), &model(), &slots(100));
     let counts: Vec<u64> = (0..=7).map(|threshold| errors.at(&[threshold]).1).collect();
     assert_eq!(counts, [1, 1, 1, 2, 1, 2, 2, 3]);
@@ -107,7 +107,7 @@ fn a_delay_moves_the_slots_of_bits() {
     let (_, message) = messages(&model).next().unwrap();
     let late = SymbolSlots::new(message, model.time_step, 10, 100);
     assert_eq!(late.bounds, [15, 25, 35, 45, 55]);
-    let mut errors = of(&model, 10);
+    let mut errors = bit_errors(&model, 10);
     errors.add(&files(log(&[(0, 1, 6), (2, 3, 4)])), &model, &late);
     assert_eq!((errors.at(&[1]).1, errors.at(&[5]).1, errors.at(&[0]).1, errors.least()), (1, 2, 1, 0.25));
 }
@@ -116,7 +116,7 @@ fn a_delay_moves_the_slots_of_bits() {
 fn concentrations_are_detected_by_thresholds() {
     let levels = Modulation::Concentration(vec![0.0, 0.75, 0.25, 1.0]);
     let (model, slots) = sends(vec![0, 2, 1, 3, 2, 1], levels, vec![(0, 100)]);
-    let mut errors = of(&model, 0);
+    let mut errors = bit_errors(&model, 0);
     errors.add(&files(arrivals(&[&[1], &[4], &[9], &[12], &[6], &[7]])), &model, &slots);
     assert_eq!((errors.bits, errors.ones, errors.thresholds()), (12, 6, 3));
     assert_eq!((errors.best(), errors.at(&[2, 7, 10]).1), (vec![2, 7, 10], 0));
@@ -133,7 +133,7 @@ fn the_best_thresholds_leave_the_fewest_errors() {
     let (model, slots) = sends(sent.clone(), levels, vec![(0, 100)]);
     let noise = |k: usize| (k as u32).wrapping_mul(0x85EB_CA6B) as usize >> 29;
     let counts: Vec<[usize; 1]> = (0..40).map(|k| [2 * sent[k] as usize + noise(k)]).collect();
-    let mut errors = of(&model, 0);
+    let mut errors = bit_errors(&model, 0);
     errors.add(&files(arrivals(&counts.iter().map(|c| &c[..]).collect::<Vec<_>>())), &model, &slots);
     let last = errors.most() + 1;
     let all = (0..=last).flat_map(|a| (a..=last).flat_map(move |b| (b..=last).map(move |c| [a, b, c])));
@@ -146,7 +146,7 @@ fn the_best_thresholds_leave_the_fewest_errors() {
 fn molecules_are_detected_by_the_species_with_the_most_arrivals() {
     let release = vec![(1, 10), (0, 10), (2, 10), (3, 10)];
     let (model, slots) = sends(vec![0, 1, 2, 3, 3], Modulation::Molecule, release);
-    let mut errors = of(&model, 0);
+    let mut errors = bit_errors(&model, 0);
     let counts: [&[usize]; 5] = [&[1, 3], &[5, 4, 0, 4], &[0, 4, 3], &[0, 0, 0, 2], &[7, 0, 0, 7]];
     errors.add(&files(arrivals(&counts)), &model, &slots);
     assert_eq!((errors.bits, errors.thresholds(), errors.best()), (10, 0, vec![]));

@@ -31,23 +31,23 @@ impl GpuSimulation {
         head: ControlHeader,
         entries: &[Entry],
     ) -> Result<(), Error> {
-        let done = head.done;
-        if done > self.step {
+        let last = head.done;
+        if last > self.step {
             self.due = Particles::default();
         }
         let (mut entries, mut bursts) = (entries.iter().peekable(), bursts.iter().peekable());
-        for step in self.step + 1..=done {
+        for step in self.step + 1..=last {
             while let Some(&[_, _, _, parent]) =
                 entries.next_if(|&&[at, receiver, ..]| at + 1 == step && receiver == NOTHING)
             {
                 self.record_birth(parent);
             }
-            if self.tables.dissociates() && step == done {
+            if self.tables.dissociates() && step == last {
                 // Without a log of arrivals, births have no entries.
                 self.next_id = head.next_id;
             }
             let burst = bursts.next_if(|burst| burst.step == step);
-            let released = self.record_release(burst, step, step == done)?;
+            let released = self.record_release(burst, step, step == last)?;
             while let Some(entry) = entries.next_if(|entry| entry[0] + 1 == step) {
                 self.record_arrival(entry);
             }
@@ -55,7 +55,7 @@ impl GpuSimulation {
                 self.arrivals.extend(released);
             }
         }
-        self.step = done;
+        self.step = last;
         Ok(())
     }
 
@@ -81,13 +81,13 @@ impl GpuSimulation {
 
     fn record_birth(&mut self, parent: u32) {
         if self.model.logs_arrivals {
-            self.origins.enter(self.next_id, self.origins.of(parent));
+            self.origins.enter(self.next_id, self.origins.origin_of(parent));
         }
         self.next_id += 1;
     }
 
     fn record_arrival(&mut self, &[step, receiver, species, id]: &Entry) {
-        let origin = self.origins.of(id);
+        let origin = self.origins.origin_of(id);
         self.arrivals.push(Arrival { receiver, species, id, step: step + 1, origin });
     }
 

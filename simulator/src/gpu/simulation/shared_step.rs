@@ -22,7 +22,7 @@ pub(crate) struct SharedStep {
 }
 
 impl GpuSimulation {
-    pub(crate) fn shares_steps(&self) -> bool {
+    pub(crate) fn has_shared_steps(&self) -> bool {
         self.assigns_ids() || !self.tables.receptors.is_empty()
     }
 

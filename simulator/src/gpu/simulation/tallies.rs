@@ -7,7 +7,7 @@ impl GpuSimulation {
         let count = |at: usize| u64::from(counts[at]);
         // A species may appear and disappear between readbacks, so only the final count is not negative.
         let present = &mut totals.present;
-        let mut turn = |from: Option<u32>, to: Option<u32>, count: u64| {
+        let mut convert = |from: Option<u32>, to: Option<u32>, count: u64| {
             if let Some(from) = from {
                 present[from as usize] = present[from as usize].wrapping_sub(count);
             }
@@ -18,14 +18,14 @@ impl GpuSimulation {
         for (k, decay) in model.decays.iter().enumerate() {
             let count = count(tallies.decay(k));
             totals.decayed[k] += count;
-            turn(Some(decay.reactant), decay.products[0], count);
-            turn(None, decay.products[1], count);
+            convert(Some(decay.reactant), decay.products[0], count);
+            convert(None, decay.products[1], count);
         }
         for (k, reaction) in model.reactions.iter().enumerate() {
             let count = count(tallies.reaction(k));
             totals.reacted[k] += count;
             for (from, to) in reaction.reactants.into_iter().zip(reaction.products) {
-                turn(Some(from), to, count);
+                convert(Some(from), to, count);
             }
         }
         for receiver in 0..tallies.receivers {
@@ -35,7 +35,7 @@ impl GpuSimulation {
                 let count = if holds { i64::from(word as i32) as u64 } else { word.into() };
                 let arrived = &mut totals.arrived[receiver][species];
                 *arrived = arrived.wrapping_add(count);
-                turn(Some(species as u32), None, count);
+                convert(Some(species as u32), None, count);
             }
         }
         for (receptor, occupied) in totals.occupied.iter_mut().enumerate() {

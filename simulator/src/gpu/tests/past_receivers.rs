@@ -19,15 +19,15 @@ const MOVED: [f32; 3] = [0.5, 0.25, -0.25];
 const DRIFT: [f32; 3] = [0.375, 0.25, 0.0];
 const SIDE: f32 = 2.0;
 
-fn step_of(room: &Boundary, [particle, receiver]: [f32; 2], moves: bool) -> String {
+fn step_of(boundary: &Boundary, [particle, receiver]: [f32; 2], moves: bool) -> String {
     let kind = |axis: Axis| match axis {
         Axis::Open => 0,
         Axis::Reflecting { .. } => 1,
         Axis::Periodic { .. } => 2,
         Axis::Frozen => 3,
     };
-    let [x, y, z] = room.axes.map(kind);
-    let vessel = room.vessel.map_or(0, |vessel| 1 + vessel.along.unwrap_or(3));
+    let [x, y, z] = boundary.axes.map(kind);
+    let vessel = boundary.vessel.map_or(0, |vessel| 1 + vessel.along.unwrap_or(3));
     let factor = f32::from(u8::from(moves));
     format!(
         "params.axes = vec3({x}u, {y}u, {z}u); params.key = vec2(1u, 2u); control.step = 3u;
@@ -58,27 +58,27 @@ fn step_of(room: &Boundary, [particle, receiver]: [f32; 2], moves: bool) -> Stri
     )
 }
 
-fn on_the_cpu(room: &Boundary, [particle, receiver]: [f32; 2], moves: bool, id: u32) -> Option<f32> {
+fn on_the_cpu(boundary: &Boundary, [particle, receiver]: [f32; 2], moves: bool, id: u32) -> Option<f32> {
     let factor = f32::from(u8::from(moves));
-    let domain = room.inset(RADIUS);
+    let domain = boundary.inset(RADIUS);
     let units = |word: u32| philox([id, word, 2, 3], [4, 5]).map(open_unit);
     let [w, m] = [units(1), units(2)];
-    let before = room.flattened(std::array::from_fn(|k| 2.0 * w[k] - 1.0));
-    let drift = room.flattened(std::array::from_fn(|k| 12.0 * (m[k] - 0.5)));
+    let before = boundary.flattened(std::array::from_fn(|k| 2.0 * w[k] - 1.0));
+    let drift = boundary.flattened(std::array::from_fn(|k| 12.0 * (m[k] - 0.5)));
     let normals = gaussian::normals(philox([id, 3, 2, 3], [4, 5]));
-    let spread = room.flattened(normals.map(|z| (2.0 * particle).sqrt() * z));
+    let spread = boundary.flattened(normals.map(|z| (2.0 * particle).sqrt() * z));
     let free_end: [f32; 3] = std::array::from_fn(|k| before[k] + (spread[k] + drift[k]));
     let end = domain.vessel.map_or(free_end, |vessel| vessel.reflect(before, free_end, &mut [0.0; 3]));
     let path = Path { before, end, after: domain.confine(end), free: free_end, drift, diffusion: particle };
-    let body = Receiver { radius: 0.25, ..Receiver::default() };
-    let mut body = ReceiverState::new(7, body, 1.0);
-    body.center = room.flattened(CENTER);
-    body.displacement = room.flattened(MOVED.map(|c| factor * c));
-    body.drift = DRIFT.map(|c| factor * c);
-    body.diffusion = receiver;
-    body.dimensions = room.dimensions();
+    let state = Receiver { radius: 0.25, ..Receiver::default() };
+    let mut state = ReceiverState::new(7, state, 1.0);
+    state.center = boundary.flattened(CENTER);
+    state.displacement = boundary.flattened(MOVED.map(|c| factor * c));
+    state.drift = DRIFT.map(|c| factor * c);
+    state.diffusion = receiver;
+    state.dimensions = boundary.dimensions();
     let who = DrawContext { key: Key([1, 2]), id, step: 3 };
-    hits(&body, &domain, &path, who).map(|hit| hit.time(who, 7))
+    hits(&state, &domain, &path, who).map(|hit| hit.time(who, 7))
 }
 
 #[test]
@@ -87,7 +87,7 @@ fn hits_of_long_paths_match_the_cpu() {
     let wall = Axis::Reflecting { low: -SIDE, high: SIDE };
     let period = Axis::Periodic { low: -SIDE, high: SIDE };
     let vessel = |along| Some(Vessel { along, center: [0.0; 3], radius: SIDE });
-    let rooms = [
+    let boundaries = [
         Boundary::default(),
         Boundary { axes: [wall; 3], vessel: None },
         Boundary { axes: [period, wall, period], vessel: None },
@@ -98,12 +98,12 @@ fn hits_of_long_paths_match_the_cpu() {
         Boundary { axes: [period, Axis::Frozen, Axis::Frozen], vessel: None },
     ];
     let count = 10_000;
-    for room in rooms {
+    for boundary in boundaries {
         for (diffusions, moves) in [([0.0, 0.0], true), ([0.02, 0.0], false), ([0.01, 0.01], true)] {
             let (mut met, mut others) = (0, 0);
-            let found = evaluate(&own, PIECES, &step_of(&room, diffusions, moves), count);
+            let found = evaluate(&own, PIECES, &step_of(&boundary, diffusions, moves), count);
             for (id, [is_hit, time, ..]) in (0..).zip(found) {
-                let expected = on_the_cpu(&room, diffusions, moves, id);
+                let expected = on_the_cpu(&boundary, diffusions, moves, id);
                 met += u32::from(expected.is_some());
                 let found = (is_hit != 0).then_some(f32::from_bits(time));
                 let same = match (found, expected) {
@@ -112,9 +112,9 @@ fn hits_of_long_paths_match_the_cpu() {
                 };
                 others += u32::from(!same);
             }
-            assert!(met > count / 50, "{room:?} {diffusions:?}: {met} hits");
+            assert!(met > count / 50, "{boundary:?} {diffusions:?}: {met} hits");
             // Rounding decides on grazing paths.
-            assert!(others <= count / 1000, "{room:?} {diffusions:?}: {others} of {count} differ");
+            assert!(others <= count / 1000, "{boundary:?} {diffusions:?}: {others} of {count} differ");
         }
     }
 }

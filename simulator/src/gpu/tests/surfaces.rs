@@ -59,7 +59,7 @@ fn adsorption_and_unbinding_match_the_cpu() {
     assert!(others <= 4, "{others} of 12 288 heights are others");
 }
 
-fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
+fn spheres(displacements: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     let receiver =
         |center, radius| Receiver { center, radius, kind: ReceiverKind::Reflecting, ..Receiver::default() };
     let receivers = [
@@ -69,10 +69,14 @@ fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     ];
     let vector = |[x, y, z]: [f32; 3]| format!("vec3<f32>({x:?}, {y:?}, {z:?})");
     let mut text = String::new();
-    for (k, (receiver, way)) in receivers.iter().zip(ways).enumerate() {
+    for (k, (receiver, displacement)) in receivers.iter().zip(displacements).enumerate() {
         let (center, radius) = (vector(receiver.center), receiver.radius);
         text += &format!("scene_rows[{}] = bitcast<vec4<u32>>(vec4({center}, 0.0));\n", 2 * k);
-        text += &format!("scene_rows[{}] = bitcast<vec4<u32>>(vec4({}, 0.0));\n", 2 * k + 1, vector(way));
+        text += &format!(
+            "scene_rows[{}] = bitcast<vec4<u32>>(vec4({}, 0.0));\n",
+            2 * k + 1,
+            vector(displacement)
+        );
         text += &format!("event_rows[{k}].radius = {radius:?};\nevent_rows[{k}].kind = REFLECTING;\n");
         text += &format!("event_rows[{k}].receiver = {k}u;\n");
     }
@@ -94,14 +98,14 @@ var<private> scene_rows: array<vec4<u32>, 6>;
 #include receiver_cells
 #include no_membranes
 #include reflection";
-    let rooms = [
+    let boundaries = [
         (Boundary::default(), 0),
         (Boundary::reflecting([-2.0; 3], [2.0; 3]), 1),
         (Boundary::periodic([-2.0; 3], [2.0; 3]), 2),
     ];
-    for (room, axes) in rooms {
-        for ways in [[[0.0; 3]; 3], [[0.25, 0.0, 0.0], [0.0, -0.5, 0.125], [0.0; 3]]] {
-            let (receivers, text) = spheres(ways);
+    for (boundary, axes) in boundaries {
+        for displacements in [[[0.0; 3]; 3], [[0.25, 0.0, 0.0], [0.0, -0.5, 0.125], [0.0; 3]]] {
+            let (receivers, text) = spheres(displacements);
             let walls = "params.low = vec3(-2.0); params.high = vec3(2.0);";
             let body = format!(
                 "{text} {walls} params.axes = vec3({axes}u); params.is_open = {};
@@ -122,31 +126,31 @@ var<private> scene_rows: array<vec4<u32>, 6>;
             let (mut bounced, mut others) = (0, 0);
             for (k, [x, y, z, first]) in (0..).zip(evaluate(&own, pieces, &body, count)) {
                 let units = |word: u32| philox([k, word, 2, 3], [4, 5]).map(open_unit);
-                let [before, way] = [units(1), units(2)];
+                let [before, random_units] = [units(1), units(2)];
                 let before: [f32; 3] = std::array::from_fn(|k| 4.0 * before[k] - 2.0);
-                let end = std::array::from_fn(|k| before[k] + 4.0 * (way[k] - 0.5));
+                let end = std::array::from_fn(|k| before[k] + 4.0 * (random_units[k] - 0.5));
                 let path = Path {
                     before,
                     end,
-                    after: room.confine(end),
+                    after: boundary.confine(end),
                     free: end,
                     drift: [0.0; 3],
                     diffusion: 0.0,
                 };
-                let bodies: Vec<ReceiverState> = (0..)
-                    .zip(receivers.clone().into_iter().zip(ways))
-                    .map(|(index, (receiver, way))| ReceiverState {
-                        displacement: way,
+                let states: Vec<ReceiverState> = (0..)
+                    .zip(receivers.clone().into_iter().zip(displacements))
+                    .map(|(index, (receiver, displacement))| ReceiverState {
+                        displacement,
                         ..ReceiverState::new(index, receiver, 1.0)
                     })
                     .collect();
-                let is_outside = |body: &&ReceiverState| {
-                    signed_distance(body.receiver.radius, body.center, &room, before) >= 0.0
+                let is_outside = |state: &&ReceiverState| {
+                    signed_distance(state.receiver.radius, state.center, &boundary, before) >= 0.0
                 };
-                let around: Vec<&ReceiverState> = bodies.iter().filter(is_outside).collect();
-                let expected = reflect_path(&around, &room, &path, &mut [0.0; 3]);
+                let around: Vec<&ReceiverState> = states.iter().filter(is_outside).collect();
+                let expected = reflect_path(&around, &boundary, &path, &mut [0.0; 3]);
                 let (after, by) =
-                    expected.map_or((path.after, 0), |turned| (turned.path.after, turned.first + 1));
+                    expected.map_or((path.after, 0), |reflected| (reflected.path.after, reflected.first + 1));
                 let found = [x, y, z].map(f32::from_bits);
                 bounced += u32::from(first > 0);
                 // A grazing reflection amplifies rounding.
@@ -154,7 +158,10 @@ var<private> scene_rows: array<vec4<u32>, 6>;
                 others += u32::from(first != by || !near);
             }
             assert!(bounced > 500, "{bounced}");
-            assert!(others <= count / 1000, "{others} of {count} ways are others, axes {axes}, {ways:?}");
+            assert!(
+                others <= count / 1000,
+                "{others} of {count} ways are others, axes {axes}, {displacements:?}"
+            );
         }
     }
 }
@@ -292,9 +299,9 @@ fn lowest_ranks_bind_to_free_receptors() {
     assert_eq!(held, RECEPTORS.map(|[_, held]| held));
     assert!(after.iter().all(|claim| claim[2] == 0));
     let stays = |event: &&Event| moved[event.at() as usize] == spheres[event.at() as usize];
-    let mut turned_away: Vec<u32> = events.iter().filter(stays).map(|event| id_of(event.at())).collect();
-    turned_away.sort_unstable();
-    assert_eq!(turned_away, expected);
+    let mut rejected: Vec<u32> = events.iter().filter(stays).map(|event| id_of(event.at())).collect();
+    rejected.sort_unstable();
+    assert_eq!(rejected, expected);
     for event in events {
         let (at, Event::Bound { receiver, .. }) = (event.at() as usize, event) else { continue };
         let direction = f32::from_bits(claims[at][4]);

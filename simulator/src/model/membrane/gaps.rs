@@ -60,7 +60,7 @@ impl MembraneStep<'_> {
             let held =
                 self.substep_end(axis, [at, at + displacement], spread, |membrane| words(membrane, substep));
             free += sign * (held.free - at);
-            sign = if self.domain.axes[axis].turns(held.free) { -sign } else { sign };
+            sign = if self.domain.axes[axis].reverses(held.free) { -sign } else { sign };
             at = held.confined;
         }
         HeldEnd { free, confined: at }

@@ -53,7 +53,7 @@ struct Sphere {
 struct Ray<'a> {
     domain: &'a Boundary,
     at: [f64; 3],
-    way: [f64; 3],
+    displacement: [f64; 3],
     spheres: Vec<(Sphere, bool)>,
     walls: [Option<f64>; 3],
 }
@@ -85,8 +85,8 @@ impl MembraneStep<'_> {
         [before, end]: [[f32; 3]; 2],
         word: impl Fn(usize, u32) -> u32,
     ) -> Option<SphereEnd> {
-        let way: [f64; 3] = std::array::from_fn(|k| f64::from(end[k]) - f64::from(before[k]));
-        let length = dot(way, way).sqrt();
+        let displacement: [f64; 3] = std::array::from_fn(|k| f64::from(end[k]) - f64::from(before[k]));
+        let length = dot(displacement, displacement).sqrt();
         let is_near = |sphere: Sphere| sphere.height(self.domain, before).abs() <= length * (1.0 + 1e-6);
         if length == 0.0 || !self.spheres().any(is_near) {
             return None;
@@ -95,7 +95,7 @@ impl MembraneStep<'_> {
         let mut ray = Ray {
             domain: self.domain,
             at: before.map(f64::from),
-            way,
+            displacement,
             spheres: spheres.collect(),
             walls: [None; 3],
         };
@@ -105,17 +105,18 @@ impl MembraneStep<'_> {
             match obstacle {
                 Obstacle::Wall(axis, wall) => {
                     ray.walls[axis] = Some(wall);
-                    ray.way[axis] = -ray.way[axis];
+                    ray.displacement[axis] = -ray.displacement[axis];
                 }
                 Obstacle::Sphere(k, normal) => {
-                    let out = dot(ray.way, normal);
-                    let cosine = (out * out / dot(ray.way, ray.way)).sqrt();
+                    let out = dot(ray.displacement, normal);
+                    let cosine = (out * out / dot(ray.displacement, ray.displacement)).sqrt();
                     let (sphere, is_inside) = &mut ray.spheres[k];
                     let passes = self.passing(sphere.permeability, length * cosine);
                     if fine_unit(word(sphere.membrane, event)) < passes {
                         *is_inside = !*is_inside;
                     } else {
-                        ray.way = std::array::from_fn(|axis| ray.way[axis] - 2.0 * out * normal[axis]);
+                        ray.displacement =
+                            std::array::from_fn(|axis| ray.displacement[axis] - 2.0 * out * normal[axis]);
                     }
                 }
             }
@@ -147,9 +148,9 @@ impl Sphere {
         self.height(domain, point) < 0.0
     }
 
-    /// Returns the fraction of `way` after which a ray from `from`, relative to the center, reaches the surface.
-    fn reached(&self, is_inside: bool, from: [f64; 3], way: [f64; 3]) -> Option<f64> {
-        let [a, b] = [dot(way, way), dot(from, way)];
+    /// Returns the fraction of `displacement` after which a ray from `from`, relative to the center, reaches the surface.
+    fn reached(&self, is_inside: bool, from: [f64; 3], displacement: [f64; 3]) -> Option<f64> {
+        let [a, b] = [dot(displacement, displacement), dot(from, displacement)];
         let c = dot(from, from) - f64::from(self.radius).powi(2);
         if is_inside {
             return Some((-b + (b * b - a * c.min(0.0)).sqrt()) / a);
@@ -164,13 +165,14 @@ impl Ray<'_> {
         let (fraction, obstacle) =
             self.next().map_or((1.0, None), |(fraction, obstacle)| (fraction, Some(obstacle)));
         for axis in 0..3 {
-            self.at[axis] += fraction * self.way[axis];
-            self.way[axis] *= 1.0 - fraction;
+            self.at[axis] += fraction * self.displacement[axis];
+            self.displacement[axis] *= 1.0 - fraction;
         }
         Some(match obstacle? {
             Obstacle::Sphere(k, from) => {
-                let point: [f64; 3] =
-                    std::array::from_fn(|axis| from[axis] + fraction / (1.0 - fraction) * self.way[axis]);
+                let point: [f64; 3] = std::array::from_fn(|axis| {
+                    from[axis] + fraction / (1.0 - fraction) * self.displacement[axis]
+                });
                 let distance = dot(point, point).sqrt();
                 Obstacle::Sphere(k, point.map(|x| x / distance))
             }
@@ -178,19 +180,19 @@ impl Ray<'_> {
         })
     }
 
-    /// Returns the nearest obstacle, and the fraction of `way` to it.
+    /// Returns the nearest obstacle, and the fraction of `displacement` to it.
     fn next(&self) -> Option<(f64, Obstacle)> {
         let walls = (0..3).filter_map(|axis| {
             let Axis::Reflecting { low, high } = self.domain.axes[axis] else { return None };
-            let wall = f64::from(if self.way[axis] < 0.0 { low } else { high });
-            let fraction = ((wall - self.at[axis]) / self.way[axis]).max(0.0);
+            let wall = f64::from(if self.displacement[axis] < 0.0 { low } else { high });
+            let fraction = ((wall - self.at[axis]) / self.displacement[axis]).max(0.0);
             Some((fraction, Obstacle::Wall(axis, wall)))
         });
         let spheres = self.spheres.iter().enumerate().flat_map(|(k, &(sphere, is_inside))| {
             let from = sphere.vector_to(self.domain, self.at);
             self.images(is_inside).filter_map(move |image| {
                 let from = std::array::from_fn(|axis| from[axis] + image[axis]);
-                Some((sphere.reached(is_inside, from, self.way)?, Obstacle::Sphere(k, from)))
+                Some((sphere.reached(is_inside, from, self.displacement)?, Obstacle::Sphere(k, from)))
             })
         });
         let within = walls.chain(spheres).filter(|(fraction, _)| *fraction < 1.0);

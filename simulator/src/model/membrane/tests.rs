@@ -67,13 +67,13 @@ fn nothing_passes_a_closed_membrane() {
                 let mut x = start;
                 for id in 0..2000 {
                     x = ends(&own, &domain, x, spread, id).confined;
-                    let is_kept = match (slab, domain.axes[0]) {
+                    let is_in_slab = match (slab, domain.axes[0]) {
                         (0, _) => (-0.5..0.25).contains(&x),
                         (_, Axis::Periodic { .. }) => !(-0.5..0.25).contains(&x),
                         (1, _) => x >= 0.25,
                         _ => x < -0.5,
                     };
-                    assert!(is_kept, "{x} from {start} in steps of {spread}, {domain:?}");
+                    assert!(is_in_slab, "{x} from {start} in steps of {spread}, {domain:?}");
                 }
             }
         }

@@ -113,7 +113,7 @@ impl Collisions {
         let mover = |(at, flight): (usize, &Flight)| Mover::new(particles, at, flight);
         scratch.movers.clear();
         scratch.movers.par_extend(flights.par_iter().enumerate().map(mover));
-        let extent = Extent::of_all(halo.gather(Extent::new(&scratch.movers)));
+        let extent = Extent::from_ranks(halo.gather(Extent::new(&scratch.movers)));
         let result = if extent.largest > 0.0 { self.run(&mut scratch, extent, step, halo) } else { Ok(0) };
         let domains = &self.rules.domains;
         flights.par_iter_mut().zip(&scratch.movers).for_each(|(flight, mover)| {
@@ -141,11 +141,11 @@ impl Collisions {
             if !(top_speed > 0.0 && top_speed.is_finite()) {
                 break;
             }
-            let way = top_speed * (1.0 - now);
-            if way > f64::from(MAX_WINDOWS) * most {
-                return halo.agree(Err(too_long(step, way, most)));
+            let path_length = top_speed * (1.0 - now);
+            if path_length > f64::from(MAX_WINDOWS) * most {
+                return halo.agree(Err(too_long(step, path_length, most)));
             }
-            let allowance = most.min(way);
+            let allowance = most.min(path_length);
             scratch.movers.truncate(own);
             halo.add_ghosts(&mut scratch.movers, allowance)?;
             let candidates = self.candidates(scratch, allowance);
@@ -248,7 +248,7 @@ impl Extent {
         })
     }
 
-    fn of_all(ranks: Vec<Self>) -> Self {
+    fn from_ranks(ranks: Vec<Self>) -> Self {
         ranks.into_iter().fold(Self::new(&[]), Self::with)
     }
 
@@ -262,9 +262,9 @@ impl Extent {
     }
 }
 
-fn too_long(step: u32, way: f64, allowance: f64) -> Error {
+fn too_long(step: u32, path_length: f64, allowance: f64) -> Error {
     let limit = f64::from(MAX_WINDOWS) * allowance;
-    Error::LongPaths { step, way, limit, searches: MAX_WINDOWS }
+    Error::LongPaths { step, path_length, limit, searches: MAX_WINDOWS }
 }
 
 fn fastest<H: Halo>(movers: &[Mover], halo: &mut H) -> f64 {

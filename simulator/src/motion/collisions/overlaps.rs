@@ -38,11 +38,11 @@ pub(super) fn bounce_overlaps<H: Halo>(
     let mut partners = Adjacency::default();
     // Each particle's partners are in the order of pairs.
     partners.build(&pairs, movers.len());
-    let mut done = vec![0; movers.len()];
+    let mut resolved = vec![0; movers.len()];
     let mut changed: Vec<u32> = (0..movers.len() as u32).collect();
     let mut bounces = 0;
     loop {
-        let next = |at: u32| partners.of(at).get(done[at as usize]).copied();
+        let next = |at: u32| partners.neighbors_of(at).get(resolved[at as usize]).copied();
         let pair = |&at: &u32| {
             let other = next(at).filter(|&other| next(other) == Some(at))?;
             let in_order = movers[at as usize].id < movers[other as usize].id;
@@ -66,7 +66,7 @@ pub(super) fn bounce_overlaps<H: Halo>(
             }
         }
         halo.refresh(movers, &mut changed)?;
-        changed.iter().for_each(|&at| done[at as usize] += 1);
+        changed.iter().for_each(|&at| resolved[at as usize] += 1);
     }
     Ok(halo.gather(bounces).iter().sum())
 }

@@ -92,7 +92,7 @@ impl Window<'_> {
         let (mut last, mut collisions) = (Progress::zeroed(), 0);
         loop {
             last.earliest = agenda.earliest(self.own);
-            let Progress { earliest, fastest, collisions: more } = Progress::of_all(halo.gather(last));
+            let Progress { earliest, fastest, collisions: more } = Progress::from_ranks(halo.gather(last));
             collisions += more;
             if fastest > self.top_speed {
                 return Ok(WindowEnd::TooFast(fastest));
@@ -157,18 +157,18 @@ impl Window<'_> {
     }
 
     pub(crate) fn next_event(&self, movers: &[Mover], at: u32) -> Event {
-        let others = self.neighbors.of(at).iter();
+        let others = self.neighbors.neighbors_of(at).iter();
         let events = others.filter_map(|&other| self.rules.predict(movers, [at, other]));
         events.chain(self.rules.predict_wall(movers, at)).fold(Event::NEVER, Event::earlier)
     }
 
     fn update(&self, movers: &[Mover], agenda: &mut Agenda, changed: &[u32]) {
         changed.iter().for_each(|&at| agenda.news[at as usize] = News::Own);
-        let stale = agenda.lose_partners(changed.iter().flat_map(|&at| self.neighbors.of(at)));
+        let stale = agenda.lose_partners(changed.iter().flat_map(|&at| self.neighbors.neighbors_of(at)));
         let again = |&at: &u32| self.next_event(movers, at);
         let repeated: Vec<Event> = stale.par_iter().with_min_len(TASK).map(again).collect();
         let of_one = |&at: &u32| {
-            let others = self.neighbors.of(at).iter();
+            let others = self.neighbors.neighbors_of(at).iter();
             let events = others.filter_map(move |&other| self.rules.predict(movers, [at, other]));
             events.chain(self.rules.predict_wall(movers, at))
         };
@@ -205,12 +205,12 @@ impl Window<'_> {
             return None;
         }
         for &at in own {
-            for &other in self.neighbors.of(at).iter().filter(|other| !own.contains(other)) {
+            for &other in self.neighbors.neighbors_of(at).iter().filter(|other| !own.contains(other)) {
                 // The other leaves its path at `earliest` or later, a bound that often suffices.
                 if self.misses(movers, [other, at], [earliest, event.time]) {
                     continue;
                 }
-                let thirds = self.neighbors.of(other).iter().filter(|third| !own.contains(third));
+                let thirds = self.neighbors.neighbors_of(other).iter().filter(|third| !own.contains(third));
                 let hits = thirds.map(|&third| self.hit(movers, [third, other], earliest));
                 let leaves = hits.fold(next[other as usize].time, f64::min);
                 let late = event.time - self.hit(movers, [other, at], leaves);
@@ -246,7 +246,7 @@ impl Window<'_> {
 }
 
 impl Progress {
-    fn of_all(ranks: Vec<Self>) -> Self {
+    fn from_ranks(ranks: Vec<Self>) -> Self {
         let none = Self { earliest: f64::INFINITY, fastest: 0.0, collisions: 0 };
         ranks.into_iter().fold(none, |all, rank| Self {
             earliest: all.earliest.min(rank.earliest),
@@ -312,7 +312,7 @@ impl Adjacency {
         }
     }
 
-    pub(super) fn of(&self, at: u32) -> &[u32] {
+    pub(super) fn neighbors_of(&self, at: u32) -> &[u32] {
         let [begin, end] = [at, at + 1].map(|at| self.begins[at as usize] as usize);
         &self.neighbors[begin..end]
     }

@@ -72,8 +72,8 @@ impl Bodies {
             }
             None => shifts.par_iter().map(|shift| !self.all.iter().any(|body| enters(shift, body))).collect(),
         };
-        let mut kept = is_outside.into_iter();
-        shifts.retain(|_| kept.next().unwrap_or(true));
+        let mut retained = is_outside.into_iter();
+        shifts.retain(|_| retained.next().unwrap_or(true));
     }
 
     /// Returns pairs of a body and a shift that ends within the longest shift of its surface.

@@ -168,7 +168,7 @@ fn bodies_that_a_search_finds_are_those_of_all_tests() {
         Shift { at: k as usize, species: k % 2, from, to }
     };
     let all: Vec<Shift> = (0..2000).map(shift).collect();
-    let kept = |size: usize| -> Vec<usize> {
+    let retained = |size: usize| -> Vec<usize> {
         let chunks = all.chunks(size).map(|chunk| {
             let mut chunk = chunk.to_vec();
             bodies.retain_outside(&mut chunk);
@@ -176,8 +176,8 @@ fn bodies_that_a_search_finds_are_those_of_all_tests() {
         });
         chunks.flatten().map(|shift| shift.at).collect()
     };
-    assert_eq!(kept(2000), kept(1));
-    assert!((200..1900).contains(&kept(1).len()), "{}", kept(1).len());
+    assert_eq!(retained(2000), retained(1));
+    assert!((200..1900).contains(&retained(1).len()), "{}", retained(1).len());
 }
 
 #[test]

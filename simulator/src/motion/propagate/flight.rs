@@ -23,7 +23,7 @@ impl Propagator {
             let one = |(k, &id): (usize, &u32)| {
                 let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
                 let Particle { species, position, velocity, .. } = particles.get(block * BLOCK + k);
-                self.flight(FlightStart { species, position, velocity }, normal, now.of_particle(id))
+                self.flight(FlightStart { species, position, velocity }, normal, now.for_particle(id))
             };
             ids.iter().enumerate().map(one).collect::<Vec<_>>()
         };

@@ -32,10 +32,10 @@ pub(super) fn keys(
         );
         Problem::at(one.name.span(), message)
     });
-    masses.chain(attractants).chain(of_output(output, model)).collect()
+    masses.chain(attractants).chain(output_warnings(output, model)).collect()
 }
 
-fn of_output(output: &Output, model: &Model) -> Vec<Problem> {
+fn output_warnings(output: &Output, model: &Model) -> Vec<Problem> {
     let mut all = Vec::new();
     if let Some(every) = output.frames_every.as_ref().filter(|_| output.frames.is_empty()) {
         let message = "no frames are written; set frames = [\"xyz\"] or [\"npy\"], or remove this key";

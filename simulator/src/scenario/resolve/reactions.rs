@@ -53,7 +53,7 @@ struct Reverse<'a> {
     /// Distance of its products, in µm.
     apart: f64,
     /// Factor of the reaction's rate that keeps the equilibrium.
-    kept: f64,
+    rate_factor: f64,
 }
 
 struct Draft<'a> {
@@ -188,7 +188,7 @@ impl Network<'_> {
         }
         let refused = |error: crate::Error| Problem::at(rate.span(), error.to_string());
         let (total, dt) = (self.total_rate(draft), self.time_step);
-        let Some(Reverse { name, apart, kept }) =
+        let Some(Reverse { name, apart, rate_factor }) =
             self.channels(draft).find_map(|other| self.reverse(&other.bare))
         else {
             return rate::binding_radius(total, draft.diffusion, dt).map_err(refused);
@@ -200,7 +200,7 @@ impl Network<'_> {
             );
             return Err(Problem::at(rate.span(), message));
         }
-        rate::reversible_binding_radius(total * kept, apart, draft.diffusion, dt).map_err(refused)
+        rate::reversible_binding_radius(total * rate_factor, apart, draft.diffusion, dt).map_err(refused)
     }
 
     fn reverse(&self, reaction: &Reaction) -> Option<Reverse<'_>> {
@@ -210,11 +210,11 @@ impl Network<'_> {
             // With the rate R of all decays, the fraction k(1 − exp(−RΔt))/R dissociates in a step, not kΔt.
             // Association must be lower by the same factor.
             let lost = self.index.decay_rate(decay.reactant) * self.time_step;
-            Reverse { name: &decay.name, apart: apart.into(), kept: -libm::expm1(-lost) / lost }
+            Reverse { name: &decay.name, apart: apart.into(), rate_factor: -libm::expm1(-lost) / lost }
         });
         by_decay.or_else(|| {
             let back = &self.drafts[self.index.reverse_reaction(reaction)?].bare;
-            Some(Reverse { name: &back.name, apart: back.unbinding_radius.into(), kept: 1.0 })
+            Some(Reverse { name: &back.name, apart: back.unbinding_radius.into(), rate_factor: 1.0 })
         })
     }
 

@@ -77,28 +77,29 @@ pub(super) fn schedule(
 }
 
 fn times(transmitter: &file::Transmitter) -> Vec<f64> {
-    let given = transmitter.times.as_ref().map(|times| times.get_ref().iter().map(|time| time.0).collect());
-    let mut times: Vec<f64> = given.unwrap_or_else(|| vec![0.0]);
+    let explicit_times =
+        transmitter.times.as_ref().map(|times| times.get_ref().iter().map(|time| time.0).collect());
+    let mut times: Vec<f64> = explicit_times.unwrap_or_else(|| vec![0.0]);
     times.sort_unstable_by(f64::total_cmp);
     times
 }
 
 fn steady_only(transmitter: &file::Transmitter, with: &str) -> Result<(), Problem> {
-    let given = [("from", &transmitter.from), ("until", &transmitter.until)];
-    match given.into_iter().find_map(|(key, value)| Some((key, value.as_ref()?.span()))) {
+    let conflicting_keys = [("from", &transmitter.from), ("until", &transmitter.until)];
+    match conflicting_keys.into_iter().find_map(|(key, value)| Some((key, value.as_ref()?.span()))) {
         None => Ok(()),
         Some((key, span)) => Err(Problem::at(span, format!("{key} goes with {with}; remove it"))),
     }
 }
 
 fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
-    let given = [
+    let conflicting_keys = [
         ("symbol-time", transmitter.symbol_time.as_ref().map(toml::Spanned::span)),
         ("start", transmitter.start.as_ref().map(toml::Spanned::span)),
         ("modulation", transmitter.modulation.as_ref().map(toml::Spanned::span)),
         ("levels", transmitter.levels.as_ref().map(toml::Spanned::span)),
     ];
-    match given.into_iter().find_map(|(key, span)| Some((key, span?))) {
+    match conflicting_keys.into_iter().find_map(|(key, span)| Some((key, span?))) {
         None => Ok(()),
         Some((key, span)) => Err(Problem::at(
             span,

@@ -160,13 +160,13 @@ pub(super) fn flow(
 }
 
 pub(super) fn flow_pulse(flow: &file::Flow) -> Result<Option<[f64; 2]>, Problem> {
-    let Some(given) = flow.until.as_ref().or(flow.from.as_ref()) else { return Ok(None) };
+    let Some(key) = flow.until.as_ref().or(flow.from.as_ref()) else { return Ok(None) };
     let time = |key: &Option<Spanned<file::NotNegative>>| key.as_ref().map(|time| time.get_ref().0);
     let [from, until] = [time(&flow.from).unwrap_or(0.0), time(&flow.until).unwrap_or(f64::INFINITY)];
     if from >= until {
         let message =
             format!("the flow is on from {from} s until {until} s; the end must be later than the beginning");
-        return Err(Problem::at(given.span(), message));
+        return Err(Problem::at(key.span(), message));
     }
     Ok(Some([from, until]))
 }

@@ -123,10 +123,10 @@ fn source(
         ));
     };
     let dimensions = boundary.dimensions();
-    let given = source.center.as_ref().map(|center| (to_f32(*center.get_ref()), center.span()));
+    let center_and_span = source.center.as_ref().map(|center| (to_f32(*center.get_ref()), center.span()));
     let (center, shape, volume) = match &source.shape {
         None => {
-            if let Some((_, span)) = given {
+            if let Some((_, span)) = center_and_span {
                 let message = "a center needs a shape; without both, particles appear everywhere".to_owned();
                 return Err(Problem::at(span, message));
             }
@@ -151,7 +151,7 @@ fn source(
                     return Err(Problem::at(spanned.span(), message));
                 }
             };
-            let (center, span) = given.unwrap_or(([0.0; 3], spanned.span()));
+            let (center, span) = center_and_span.unwrap_or(([0.0; 3], spanned.span()));
             check_position(boundary, span, center, 0.0, warnings)?;
             (center, shape, volume)
         }

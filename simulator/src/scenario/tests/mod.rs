@@ -215,9 +215,9 @@ fn likely_mistakes_are_warned_of() {
     assert_eq!(said.len(), 1, "{said:?}");
     assert!(said[0].starts_with("s.toml, line 38, `center`: "), "{said:?}");
     assert!(said[0].contains("is wrapped to [-1.0, 0.0, 0.0]"), "{said:?}");
-    let crowd = parse(&GOOD.replace("count = 3", "count = 3000")).unwrap().warnings;
+    let warnings = parse(&GOOD.replace("count = 3", "count = 3000")).unwrap().warnings;
     let collides = "s.toml, line 4, `contact`: acid collides about ";
-    assert!(crowd.iter().any(|warning| warning.starts_with(collides)), "{crowd:?}");
+    assert!(warnings.iter().any(|warning| warning.starts_with(collides)), "{warnings:?}");
     let inside = GOOD.replace("transparent", "absorbing").replace("[1, 0, 0]\nradius", "[0, 0, 0]\nradius");
     let inside = inside
         .replace("gaussian\", width = 0.5", "ball\", radius = 0.25")

@@ -21,9 +21,9 @@ fn channels_of_a_pair_share_its_rate() {
     let text = reaction("A + B -> C", "rate = 0.3") + &reaction("B + A -> D", "rate = 0.1");
     let model = network(&text).unwrap().model;
     let radius = crate::reaction::rate::binding_radius(0.4, 2.0, 1e-5).unwrap() as f32;
-    for (reaction, share) in model.reactions.iter().zip([0.75, 0.25]) {
+    for (reaction, fraction) in model.reactions.iter().zip([0.75, 0.25]) {
         let ReactionRate::PerStep(p) = reaction.chance else { panic!("{reaction:?}") };
-        assert!(reaction.binding_radius == radius && (p - share).abs() < 1e-12, "{reaction:?}");
+        assert!(reaction.binding_radius == radius && (p - fraction).abs() < 1e-12, "{reaction:?}");
     }
 }
 
@@ -42,8 +42,8 @@ fn dissociation_products_may_react_again() {
         2.0,
         1e-5,
     );
-    let kept = (1.0 - (-50e-5_f64).exp()) / 50e-5;
-    assert!((is / (0.5 * kept) - 1.0).abs() < 1e-4, "{is}");
+    let factor = (1.0 - (-50e-5_f64).exp()) / 50e-5;
+    assert!((is / (0.5 * factor) - 1.0).abs() < 1e-4, "{is}");
     let model = network(&(reaction("A + B -> C", "rate-inside = 100") + &apart(""))).unwrap().model;
     assert_eq!(
         (model.reactions[0].binding_radius, model.reactions[0].chance),

@@ -117,7 +117,7 @@ fn is_plane(membrane: &Membrane) -> bool {
 /// Returns 0 or less for surfaces that touch or cross, and `None` for planes across different axes.
 fn distance(surfaces: [MembraneSurface; 2], model: &Model) -> Option<f64> {
     use MembraneSurface::{Plane, Sphere};
-    let along = |axis: usize, way: f32| f64::from(model.boundary.axes[axis].displacement(way)).abs();
+    let along = |axis: usize, offset: f32| f64::from(model.boundary.axes[axis].displacement(offset)).abs();
     match surfaces {
         [Plane { axis, position }, Plane { axis: other, position: at }] => {
             (axis == other).then(|| along(axis, position - at))

@@ -41,7 +41,7 @@ fn rounded(model: &Model, largest: &[f32; 3], motion: &Motion<'_>) -> Option<Str
         let largest = largest[axis];
         let unit = f64::from(largest.next_up()) - f64::from(largest);
         let carried = motion.velocity[axis].abs() * model.time_step;
-        let (way, length, least) = if spread > 0.0 && spread < LEAST_STEP * unit {
+        let (cause, length, least) = if spread > 0.0 && spread < LEAST_STEP * unit {
             ("diffusion", spread, LEAST_STEP * unit)
         } else if spread == 0.0 && carried > 0.0 && carried < LEAST_DRIFT * unit {
             ("its velocity", carried, LEAST_DRIFT * unit)
@@ -53,7 +53,7 @@ fn rounded(model: &Model, largest: &[f32; 3], motion: &Motion<'_>) -> Option<Str
             false => least / motion.velocity[axis].abs(),
         };
         Some(format!(
-            "a step takes {} {length:.3e} µm by {way}, but coordinates up to {largest:e} µm are multiples of {unit:.1e} µm in \
+            "a step takes {} {length:.3e} µm by {cause}, but coordinates up to {largest:e} µm are multiples of {unit:.1e} µm in \
              single precision, which rounds its steps; time-step = {:.2e} is long enough, or move the scene to the origin",
             motion.name,
             1.006 * longer

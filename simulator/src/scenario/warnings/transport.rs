@@ -140,9 +140,9 @@ pub(in crate::scenario) fn swept_by_motion(
 /// A membrane acts only on the ends of receivers' steps.
 pub(in crate::scenario) fn long_receiver_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
     let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
-    let turns = |one: &&Receiver| one.moves() && model.fastest_shared(one, membrane).is_some();
+    let is_held_back = |one: &&Receiver| one.moves() && model.fastest_shared(one, membrane).is_some();
     let longest = |one: &Receiver| one.time_of_gap(radius.into(), 0.0);
-    let moving = model.receivers.iter().filter(turns).map(|one| (longest(one), one));
+    let moving = model.receivers.iter().filter(is_held_back).map(|one| (longest(one), one));
     let (longest, receiver) = moving.min_by(|a, b| a.0.total_cmp(&b.0))?;
     (model.time_step > longest).then(|| {
         let Receiver { velocity, diffusion, ref name, .. } = *receiver;
