@@ -116,9 +116,10 @@ impl BitErrors {
                     self.detector.value(counts.iter().map(|entries| entries.iter().sum()))
                 }
                 DetectionRule::Species => {
-                    let own = |entry: usize| self.detector.value(counts.iter().map(|entries| entries[entry]));
+                    let observed =
+                        |entry: usize| self.detector.value(counts.iter().map(|entries| entries[entry]));
                     // First of equal ones.
-                    (0..entries).rev().max_by_key(|&entry| own(entry)).unwrap_or(0) as u64
+                    (0..entries).rev().max_by_key(|&entry| observed(entry)).unwrap_or(0) as u64
                 }
             };
             SymbolObservation { sent, seen }

@@ -67,12 +67,12 @@ mod tests {
             counts: counts.iter().flat_map(|&count| [0, count, 0, 0]).collect(),
         };
         let by_symbol = |model: &Model| {
-            let mut own = CountsBySymbol::new(Link { transmitter: 0, receiver: 0, species: 0 });
-            own.add(&series, model, 1, &slots(100));
+            let mut counts_by_symbol = CountsBySymbol::new(Link { transmitter: 0, receiver: 0, species: 0 });
+            counts_by_symbol.add(&series, model, 1, &slots(100));
             let means = |times: &BTreeMap<u32, IntegerStats>| -> Vec<(u32, f64, u64)> {
                 times.iter().map(|(&lag, sample)| (lag, sample.mean(), sample.count())).collect()
             };
-            own.symbols.iter().map(|(&symbol, times)| (symbol, means(times))).collect::<Vec<_>>()
+            counts_by_symbol.symbols.iter().map(|(&symbol, times)| (symbol, means(times))).collect::<Vec<_>>()
         };
         // Arrivals since the beginning: 0 3 5, 0 4 6, 0 1 3 after a 1; 0 0 0 after the 0.
         let after_one = |a, b, c| vec![(0, a, 3), (5, b, 3), (10, c, 3)];

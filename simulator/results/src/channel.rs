@@ -83,11 +83,12 @@ impl Channels {
             let release = &model.transmitters[index].release;
             let counts_some =
                 |one: &&Receiver| release.iter().any(|&(species, _)| one.counts(species as usize));
-            let receivers = model.receivers.iter().enumerate().filter(|(_, own)| counts_some(own));
-            for (receiver, own) in receivers {
-                let detectors: &[Detector] = match own.kind.absorbs() {
+            let receivers =
+                model.receivers.iter().enumerate().filter(|(_, model_receiver)| counts_some(model_receiver));
+            for (receiver, model_receiver) in receivers {
+                let detectors: &[Detector] = match model_receiver.kind.absorbs() {
                     true if model.logs_arrivals => &[Detector::Arrivals],
-                    false if own.is_momentary() => &Detector::MOMENTARY,
+                    false if model_receiver.is_momentary() => &Detector::MOMENTARY,
                     _ => &[],
                 };
                 for &detector in detectors {
@@ -113,11 +114,11 @@ impl Channels {
                 false => response.add(log, steps),
             }
         }
-        for own in &mut self.interference {
-            let Some((_, _, slots)) = symbol_slots(own.link.transmitter) else { continue };
-            match is_momentary(own.link) {
-                true => own.add_momentary(log, rows, slots),
-                false => own.add(log, slots),
+        for interference in &mut self.interference {
+            let Some((_, _, slots)) = symbol_slots(interference.link.transmitter) else { continue };
+            match is_momentary(interference.link) {
+                true => interference.add_momentary(log, rows, slots),
+                false => interference.add(log, slots),
             }
         }
         for counts in &mut self.by_symbol {

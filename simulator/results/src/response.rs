@@ -14,8 +14,8 @@ impl Link {
     pub fn all(model: &Model) -> Vec<Self> {
         let mut all = Vec::new();
         for transmitter in 0..model.transmitters.len() {
-            for (receiver, own) in model.receivers.iter().enumerate() {
-                let seen = (0..model.species.len()).filter(|&species| own.sees[species]);
+            for (receiver, model_receiver) in model.receivers.iter().enumerate() {
+                let seen = (0..model.species.len()).filter(|&species| model_receiver.sees[species]);
                 all.extend(seen.map(|species| Self { transmitter, receiver, species }));
             }
         }
@@ -80,12 +80,12 @@ impl Response {
                 rows.iter().filter(|&&step| step >= release.step).map(|&step| bin(step, release.step));
             after.take_while(|&at| at < bins).for_each(|at| released[at] += release.count);
         }
-        for own in &log.inside {
-            let Some((transmitter, step)) = own.origin else { continue };
-            if link == (Link { transmitter, receiver: own.receiver, species: own.species })
-                && let Some(count) = inside.get_mut(bin(own.step, step))
+        for inside_count in &log.inside {
+            let Some((transmitter, step)) = inside_count.origin else { continue };
+            if link == (Link { transmitter, receiver: inside_count.receiver, species: inside_count.species })
+                && let Some(count) = inside.get_mut(bin(inside_count.step, step))
             {
-                *count += own.count;
+                *count += inside_count.count;
             }
         }
         let all = self.fractions.iter_mut().zip(inside.iter().zip(&released));

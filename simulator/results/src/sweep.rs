@@ -66,9 +66,10 @@ impl SweepRow {
                 );
             }
         }
-        for own in channels.interference.iter().filter(|own| own.late.count() > 0) {
-            let name = format!("{} late part", link_name(own.link, model));
-            self.add("late part", name, own.late.mean(), own.late.standard_error());
+        for interference in channels.interference.iter().filter(|interference| interference.late.count() > 0)
+        {
+            let name = format!("{} late part", link_name(interference.link, model));
+            self.add("late part", name, interference.late.mean(), interference.late.standard_error());
         }
         for errors in channels.least_errors() {
             let wrong = errors.at(&errors.best()).1;

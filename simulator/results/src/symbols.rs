@@ -92,13 +92,14 @@ impl Interference {
         for slot in rows.iter().filter_map(|&step| slots.slot_of_release(step)) {
             (0..lags.min(slot + 1)).for_each(|lag| seen[lag] += released[slot - lag]);
         }
-        for own in &log.inside {
-            let Some((transmitter, step)) = own.origin else { continue };
-            if link == (Link { transmitter, receiver: own.receiver, species: own.species })
-                && let (Some(from), Some(to)) = (slots.slot_of_release(step), slots.slot_of_release(own.step))
+        for inside_count in &log.inside {
+            let Some((transmitter, step)) = inside_count.origin else { continue };
+            if link == (Link { transmitter, receiver: inside_count.receiver, species: inside_count.species })
+                && let (Some(from), Some(to)) =
+                    (slots.slot_of_release(step), slots.slot_of_release(inside_count.step))
                 && let Some(count) = to.checked_sub(from).and_then(|lag| inside.get_mut(lag))
             {
-                *count += own.count;
+                *count += inside_count.count;
             }
         }
         self.add_fractions(inside.into_iter().zip(seen));
@@ -106,17 +107,17 @@ impl Interference {
 
     fn add_fractions(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
         // `None` until own slots have a sample, without which the late fraction is unknown.
-        let (mut own, mut late) = (None, 0.0);
+        let (mut own_fraction, mut late) = (None, 0.0);
         for (lag, (count, seen)) in counts.enumerate().filter(|(_, (_, seen))| *seen > 0) {
             let fraction = count as f64 / seen as f64;
             self.by_lag[lag].add(fraction);
             match lag {
-                0 => own = Some(fraction),
+                0 => own_fraction = Some(fraction),
                 _ => late += fraction,
             }
         }
-        if let Some(own) = own.filter(|own| own + late > 0.0) {
-            self.late.add(late / (own + late));
+        if let Some(own_fraction) = own_fraction.filter(|own_fraction| own_fraction + late > 0.0) {
+            self.late.add(late / (own_fraction + late));
         }
     }
 }

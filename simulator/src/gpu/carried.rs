@@ -15,7 +15,7 @@ struct Carried {
     field: [f32; 3],
     /// Poiseuille flow, and own velocity in any direction.
     flow: f32,
-    own: f32,
+    own_displacement: f32,
     diffusion: f32,
 }
 
@@ -59,7 +59,14 @@ impl Carried {
         let speed = speed.max(MAX_THERMAL * 3f32.sqrt() * hottest as f32);
         let field = model.flow_field().map_or([0.0; 3], |field| field.fastest());
         let field = field.map(|v| (v * model.time_step) as f32);
-        Self { radius: kind.radius, drift, field, flow, own: speed * model.time_step as f32, diffusion }
+        Self {
+            radius: kind.radius,
+            drift,
+            field,
+            flow,
+            own_displacement: speed * model.time_step as f32,
+            diffusion,
+        }
     }
 
     fn length(&self) -> f32 {
@@ -67,15 +74,15 @@ impl Carried {
     }
 
     fn carried(&self) -> f32 {
-        length(self.field) + self.flow.abs() + self.own
+        length(self.field) + self.flow.abs() + self.own_displacement
     }
 
     /// Bounds the loop iterations of a path's hit; 0 if the path's ends are enough.
     fn iterations_at(&self, receiver: &Receiver, model: &Model) -> usize {
-        let own = receiver.velocity.map(|v| (v * model.time_step) as f32);
+        let receiver_displacement = receiver.velocity.map(|v| (v * model.time_step) as f32);
         let diffusion = self.diffusion + (receiver.diffusion * model.time_step) as f32;
         let spread = (2.0 * diffusion).sqrt();
-        let relative: [f32; 3] = std::array::from_fn(|k| self.drift[k] - own[k]);
+        let relative: [f32; 3] = std::array::from_fn(|k| self.drift[k] - receiver_displacement[k]);
         let images: usize = (0..3).map(|k| self.images(k, receiver, spread, model)).sum();
         let vessel = model.boundary.vessel;
         let across = |k: usize| vessel.is_some_and(|vessel| vessel.along != Some(k));
@@ -96,12 +103,12 @@ impl Carried {
 
     /// Bounds walls and images at which the path may reach the receiver again.
     fn images(&self, axis: usize, receiver: &Receiver, spread: f32, model: &Model) -> usize {
-        let own = (receiver.velocity[axis] * model.time_step) as f32;
+        let receiver_displacement = (receiver.velocity[axis] * model.time_step) as f32;
         let along = self.along(axis, model) + MAX_SPREADS * spread;
-        let relative = (self.drift[axis] - own).abs() + along;
+        let relative = (self.drift[axis] - receiver_displacement).abs() + along;
         let moved = self.drift[axis].abs() + along;
         let (center, extent) = (receiver.center[axis], receiver.radius + moved);
-        let stays = own == 0.0 && receiver.diffusion == 0.0;
+        let stays = receiver_displacement == 0.0 && receiver.diffusion == 0.0;
         let passed = |moved: f32, width: f32| 1 + (moved / width).min(MAX_PIECES as f32) as usize;
         match model.boundary.axes[axis].inset(self.radius) {
             Axis::Open | Axis::Frozen => 0,
@@ -116,7 +123,7 @@ impl Carried {
 
     fn along(&self, axis: usize, model: &Model) -> f32 {
         let is_vessel = model.boundary.vessel.is_some_and(|vessel| vessel.along == Some(axis));
-        self.field[axis] + self.own + if is_vessel { self.flow.abs() } else { 0.0 }
+        self.field[axis] + self.own_displacement + if is_vessel { self.flow.abs() } else { 0.0 }
     }
 }
 

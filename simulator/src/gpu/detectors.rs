@@ -20,14 +20,14 @@ pub(super) struct Found {
 }
 
 impl Detectors {
-    pub(super) fn new(own: &GpuDevice, model: &Model, sizes: Sizes) -> Result<Self, Error> {
+    pub(super) fn new(gpu: &GpuDevice, model: &Model, sizes: Sizes) -> Result<Self, Error> {
         // Software drivers have few threads, so the cell list is faster at fewer particles.
-        let crossover = Crossover::assumed(own.adapter.is_hardware);
+        let crossover = Crossover::assumed(gpu.adapter.is_hardware);
         let config = GpuConfig::default()
             .crossover(crossover)
             .space(model.boundary.space()?)
             .consumer_workgroup_size(k::WORKGROUP_SIZE);
-        let new = |config| GpuDetector::new(&own.device, config).map_err(refused);
+        let new = |config| GpuDetector::new(&gpu.device, config).map_err(refused);
         let table = interactions(model)?;
         let with_table =
             |table| new(config.clone().interactions(Some(table)).pair_capacity(sizes.pairs.max(1)));

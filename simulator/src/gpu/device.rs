@@ -14,22 +14,22 @@ pub(super) fn refused(error: lazygrid::Error) -> Error {
 }
 
 pub(super) fn with_error_scope<T>(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     what: &'static str,
     bytes: u64,
     work: impl FnOnce() -> T,
 ) -> Result<T, Error> {
-    own.with_error_scope(what, bytes, work).map_err(refused)
+    gpu.with_error_scope(what, bytes, work).map_err(refused)
 }
 
-pub(super) fn buffer(own: &GpuDevice, name: &'static str, bytes: u64) -> Result<wgpu::Buffer, Error> {
+pub(super) fn buffer(gpu: &GpuDevice, name: &'static str, bytes: u64) -> Result<wgpu::Buffer, Error> {
     use wgpu::BufferUsages as Usage;
     let size = if bytes == 0 { 64 } else { bytes.next_multiple_of(16) };
     let usage = Usage::STORAGE | Usage::UNIFORM | Usage::COPY_SRC | Usage::COPY_DST;
     // A buffer above the uniform limit is never bound as a uniform.
     let usage = if size > 1 << 14 { usage - Usage::UNIFORM } else { usage };
     let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
-    with_error_scope(own, name, size, || own.device.create_buffer(&descriptor))
+    with_error_scope(gpu, name, size, || gpu.device.create_buffer(&descriptor))
 }
 
 pub(super) fn encoded<T: ShaderType + WriteInto>(contents: &T) -> Vec<u8> {
@@ -39,18 +39,18 @@ pub(super) fn encoded<T: ShaderType + WriteInto>(contents: &T) -> Vec<u8> {
 }
 
 pub(super) fn filled<T: ShaderType + WriteInto>(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     name: &'static str,
     contents: &T,
 ) -> Result<wgpu::Buffer, Error> {
     let bytes = encoded(contents);
-    let made = buffer(own, name, bytes.len() as u64)?;
-    with_error_scope(own, name, 0, || own.queue.write_buffer(&made, 0, &bytes))?;
+    let made = buffer(gpu, name, bytes.len() as u64)?;
+    with_error_scope(gpu, name, 0, || gpu.queue.write_buffer(&made, 0, &bytes))?;
     Ok(made)
 }
 
 pub(super) fn read(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     mut encoder: wgpu::CommandEncoder,
     sources: &[(&wgpu::Buffer, u64)],
 ) -> Result<Vec<Vec<u8>>, Error> {
@@ -61,7 +61,7 @@ pub(super) fn read(
         usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
         mapped_at_creation: false,
     };
-    let staging = with_error_scope(own, "the readback", size, || own.device.create_buffer(&staging))?;
+    let staging = with_error_scope(gpu, "the readback", size, || gpu.device.create_buffer(&staging))?;
     let mut offset = 0;
     for &(source, bytes) in sources {
         if bytes > 0 {
@@ -69,15 +69,15 @@ pub(super) fn read(
         }
         offset += bytes;
     }
-    with_error_scope(own, "the readback", size, || own.queue.submit([encoder.finish()]))?;
+    with_error_scope(gpu, "the readback", size, || gpu.queue.submit([encoder.finish()]))?;
     let lost = |reason: String| refused(lazygrid::Error::DeviceLost { reason });
     let (tell, answer) = std::sync::mpsc::channel();
     let on_mapped = move |result| drop(tell.send(result));
-    with_error_scope(own, "the readback", size, || {
+    with_error_scope(gpu, "the readback", size, || {
         staging.slice(..).map_async(wgpu::MapMode::Read, on_mapped)
     })?;
     let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
-    own.poll(wait).map_err(refused)?;
+    gpu.poll(wait).map_err(refused)?;
     // Another polling thread may deliver the answer slightly later.
     let mapped = answer.recv_timeout(TIMEOUT).map_err(|_| lost("no answer to a readback".to_owned()))?;
     mapped.map_err(|error| lost(error.to_string()))?;

@@ -20,7 +20,7 @@ use motion::MotionStages;
 
 #[derive(Debug)]
 pub(super) struct RunBuffers {
-    pub(super) own: GpuDevice,
+    pub(super) gpu: GpuDevice,
     pub(super) limits: DeviceLimits,
     counts_inside: bool,
     reflects: bool,
@@ -62,29 +62,29 @@ impl Stage {
 }
 
 impl RunBuffers {
-    pub(super) fn new(own: GpuDevice, tables: &Tables, lists: usize) -> Result<Self, Error> {
+    pub(super) fn new(gpu: GpuDevice, tables: &Tables, lists: usize) -> Result<Self, Error> {
         let tallies = tables.tallies.len() as u64;
         let mut buffers = HashMap::new();
         let mut keep = |name, made: wgpu::Buffer| drop(buffers.insert(name, made));
-        keep("params", filled(&own, "params", &tables.params)?);
-        keep("species_rows", filled(&own, "species_rows", &tables.species_rows)?);
-        keep("event_rows", filled(&own, "event_rows", &tables.event_rows)?);
-        keep("dissociation_rows", filled(&own, "dissociation_rows", &tables.dissociation_rows)?);
-        keep("reaction_rows", filled(&own, "reaction_rows", &tables.reaction_rows)?);
-        keep("occupancy_rows", filled(&own, "occupancy_rows", &tables.occupancy_rows)?);
-        keep("receptors", filled(&own, "receptors", &tables.receptors)?);
+        keep("params", filled(&gpu, "params", &tables.params)?);
+        keep("species_rows", filled(&gpu, "species_rows", &tables.species_rows)?);
+        keep("event_rows", filled(&gpu, "event_rows", &tables.event_rows)?);
+        keep("dissociation_rows", filled(&gpu, "dissociation_rows", &tables.dissociation_rows)?);
+        keep("reaction_rows", filled(&gpu, "reaction_rows", &tables.reaction_rows)?);
+        keep("occupancy_rows", filled(&gpu, "occupancy_rows", &tables.occupancy_rows)?);
+        keep("receptors", filled(&gpu, "receptors", &tables.receptors)?);
         let cells_at = tables.scene_rows.cells_at();
-        keep("scene_rows", tables.scene_rows.create(&own, lists)?);
-        keep("trajectory", filled(&own, "trajectory", &TrajectoryHeader::default())?);
-        keep("round0", filled(&own, "round", &[0u32; 4])?);
-        keep("round1", filled(&own, "round", &[1u32, 0, 0, 0])?);
-        keep("same_order", filled(&own, "output_order", &[0u32; 4])?);
-        keep("cell_order", filled(&own, "output_order", &[1u32, 0, 0, 0])?);
-        keep("control", buffer(&own, "control", size_of::<ControlHeader>() as u64 + 8 * tallies)?);
-        keep("window", buffer(&own, "window", WINDOW_BYTES)?);
-        keep("inside", buffer(&own, "inside", 4 * tallies)?);
-        keep("log", buffer(&own, "log", 8 * u64::from(LOG_ROWS))?);
-        let limits = DeviceLimits::of(&own.device);
+        keep("scene_rows", tables.scene_rows.create(&gpu, lists)?);
+        keep("trajectory", filled(&gpu, "trajectory", &TrajectoryHeader::default())?);
+        keep("round0", filled(&gpu, "round", &[0u32; 4])?);
+        keep("round1", filled(&gpu, "round", &[1u32, 0, 0, 0])?);
+        keep("same_order", filled(&gpu, "output_order", &[0u32; 4])?);
+        keep("cell_order", filled(&gpu, "output_order", &[1u32, 0, 0, 0])?);
+        keep("control", buffer(&gpu, "control", size_of::<ControlHeader>() as u64 + 8 * tallies)?);
+        keep("window", buffer(&gpu, "window", WINDOW_BYTES)?);
+        keep("inside", buffer(&gpu, "inside", 4 * tallies)?);
+        keep("log", buffer(&gpu, "log", 8 * u64::from(LOG_ROWS))?);
+        let limits = DeviceLimits::of(&gpu.device);
         let counts_inside = !tables.occupancy_rows.is_empty();
         if tables.reflects && limits.storage_buffers < k::SURFACE_BUFFERS {
             let (has, needed) = (limits.storage_buffers, k::SURFACE_BUFFERS);
@@ -94,7 +94,7 @@ impl RunBuffers {
             return Err(Error::NotOnGpu { what });
         }
         Ok(Self {
-            own,
+            gpu,
             limits,
             counts_inside,
             reflects: tables.reflects,
@@ -116,16 +116,16 @@ impl RunBuffers {
 
     pub(super) fn upload_flow(&self, tables: &Tables) -> Result<(), Error> {
         let (params, species_rows) = (encoded(&tables.params), encoded(&tables.species_rows));
-        with_error_scope(&self.own, "the flow", 0, || {
-            self.own.queue.write_buffer(self.buffer("params"), 0, &params);
-            self.own.queue.write_buffer(self.buffer("species_rows"), 0, &species_rows);
+        with_error_scope(&self.gpu, "the flow", 0, || {
+            self.gpu.queue.write_buffer(self.buffer("params"), 0, &params);
+            self.gpu.queue.write_buffer(self.buffer("species_rows"), 0, &species_rows);
         })
     }
 
     pub(super) fn upload_cells(&self, receiver_cells: &ReceiverCells) -> Result<(), Error> {
         let words = bytemuck::cast_slice(&receiver_cells.words);
-        with_error_scope(&self.own, "lists of receivers", 0, || {
-            self.own.queue.write_buffer(self.buffer("scene_rows"), self.cells_at, words);
+        with_error_scope(&self.gpu, "lists of receivers", 0, || {
+            self.gpu.queue.write_buffer(self.buffer("scene_rows"), self.cells_at, words);
         })
     }
 
@@ -137,9 +137,9 @@ impl RunBuffers {
         let cells_at = (self.cells_at / ROW_BYTES) as u32;
         let head = encoded(&TrajectoryHeader { cells_at, cells, ..trajectory.head });
         let rows = encoded(&trajectory.rows);
-        with_error_scope(&self.own, "positions of receivers", 0, || {
-            self.own.queue.write_buffer(self.buffer("trajectory"), 0, &head);
-            self.own.queue.write_buffer(self.buffer("scene_rows"), 0, &rows);
+        with_error_scope(&self.gpu, "positions of receivers", 0, || {
+            self.gpu.queue.write_buffer(self.buffer("trajectory"), 0, &head);
+            self.gpu.queue.write_buffer(self.buffer("scene_rows"), 0, &rows);
         })
     }
 
@@ -153,7 +153,7 @@ impl RunBuffers {
             let accesses = kernel.bindings.iter().map(|&(_, access)| access);
             // SAFETY: the kernel is one of this crate, and `kernels/tests/loops.rs` checks that each loop of its text
             // ends.
-            let made = unsafe { self.own.compile(kernel.name, accesses, kernel.wgsl(self.variant)) }
+            let made = unsafe { self.gpu.compile(kernel.name, accesses, kernel.wgsl(self.variant)) }
                 .map_err(refused)?;
             self.pipelines.insert(kernel.name, made);
         }
@@ -166,7 +166,7 @@ impl RunBuffers {
         let descriptor =
             wgpu::BindGroupDescriptor { label: Some(kernel.name), layout: &layout, entries: &entries };
         let bindings =
-            with_error_scope(&self.own, kernel.name, 0, || self.own.device.create_bind_group(&descriptor))?;
+            with_error_scope(&self.gpu, kernel.name, 0, || self.gpu.device.create_bind_group(&descriptor))?;
         Ok(Stage { pipeline, bindings, groups })
     }
 }
@@ -216,7 +216,7 @@ impl StepDispatches {
         for name in SIZED {
             let sizes = if name == "requesters" && run.receptors == 0 { Sizes::default() } else { sizes };
             let bytes = sizes.bytes(name, &run.limits).map_err(refused)?;
-            buffers.insert(name, buffer(&run.own, name, bytes)?);
+            buffers.insert(name, buffer(&run.gpu, name, bytes)?);
         }
         let detects = found.interactions.is_some();
         let mut order = None;

@@ -38,10 +38,11 @@ impl MembraneRows {
                     rows.planes.extend(model.boundary.axes[axis].plane_images(position).map(row));
                 }
                 MembraneSurface::Sphere { center: [x, y, z], radius } => {
-                    let own = 2.0 * membrane.permeability * (model.time_step / diffusion).sqrt();
+                    let scaled_permeability =
+                        2.0 * membrane.permeability * (model.time_step / diffusion).sqrt();
                     let rounding = rounding(&model.boundary, radius);
                     rows.spheres.push([x, y, z, radius].map(f32::to_bits));
-                    rows.spheres.push([(own as f32).to_bits(), k, rounding.to_bits(), 0]);
+                    rows.spheres.push([(scaled_permeability as f32).to_bits(), k, rounding.to_bits(), 0]);
                 }
             }
         }

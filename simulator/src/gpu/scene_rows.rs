@@ -67,30 +67,30 @@ impl SceneRows {
     }
 
     /// Creates the table with `words` reserved for lists of receivers.
-    pub(super) fn create(&self, own: &GpuDevice, words: usize) -> Result<wgpu::Buffer, Error> {
+    pub(super) fn create(&self, gpu: &GpuDevice, words: usize) -> Result<wgpu::Buffer, Error> {
         let needed = self.cells_at() + 4 * words as u64;
-        let limits = DeviceLimits::of(&own.device);
+        let limits = DeviceLimits::of(&gpu.device);
         let limit = limits.storage_binding.min(limits.buffer);
         if needed > limit {
             let what = "the table of receivers, membranes and velocities";
             let remedy = "use a coarser flow field, or fewer receivers or membranes, or choose the CPU";
             return Err(refused(lazygrid::Error::LimitExceeded { what, needed, limit, remedy }));
         }
-        let made = buffer(own, "scene_rows", needed)?;
+        let made = buffer(gpu, "scene_rows", needed)?;
         let velocities = self.field.iter().flat_map(|field| field.velocities().chunks(CHUNK));
         let mut at = ROW_BYTES * self.receivers as u64;
-        with_error_scope(own, "membranes", 0, || {
-            own.queue.write_buffer(&made, at, bytemuck::cast_slice(&self.membranes));
+        with_error_scope(gpu, "membranes", 0, || {
+            gpu.queue.write_buffer(&made, at, bytemuck::cast_slice(&self.membranes));
         })?;
         at += ROW_BYTES * self.membranes.len() as u64;
         for (number, chunk) in velocities.enumerate() {
             if number % CHUNKS_PER_SUBMISSION == 0 {
                 // Frees the copies that the queue holds until a submission.
-                own.queue.submit([]);
+                gpu.queue.submit([]);
             }
             let rows: Vec<[f32; 4]> = chunk.iter().map(|&[u, v, w]| [u, v, w, 0.0]).collect();
-            with_error_scope(own, "the flow field", 0, || {
-                own.queue.write_buffer(&made, at, bytemuck::cast_slice(&rows));
+            with_error_scope(gpu, "the flow field", 0, || {
+                gpu.queue.write_buffer(&made, at, bytemuck::cast_slice(&rows));
             })?;
             at += ROW_BYTES * rows.len() as u64;
         }

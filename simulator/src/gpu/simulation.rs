@@ -141,7 +141,7 @@ impl GpuSimulation {
             window_rounds: FIRST_WINDOW_ROUNDS,
             speed_doublings: 0,
         };
-        let mut detectors = Detectors::new(&buffers.own, &model, sizes)?;
+        let mut detectors = Detectors::new(&buffers.gpu, &model, sizes)?;
         let steps = StepDispatches::new(&mut buffers, sizes, options.rounds, detectors.reserve(sizes)?)?;
         let moves = model.receivers.iter().any(crate::Receiver::moves);
         let receiver_cells =
@@ -277,7 +277,7 @@ impl GpuSimulation {
     }
 
     fn encoder(&self) -> wgpu::CommandEncoder {
-        self.buffers.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
+        self.buffers.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
 
     fn steps_per_readback(&self) -> u32 {
@@ -288,7 +288,7 @@ impl GpuSimulation {
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<Readback, Error> {
         self.prepare_receivers(steps)?;
         self.prepare_flow()?;
-        let mut submissions = Submissions::new(self.buffers.own.clone());
+        let mut submissions = Submissions::new(self.buffers.gpu.clone());
         let recorded = self.encode_steps(&mut submissions, steps, bursts);
         let is_ahead = recorded.is_ok() || submissions.has_submitted();
         let read = recorded.and_then(|particles| self.read(submissions.finish(), particles));

@@ -9,16 +9,16 @@ pub(super) const MAX_WORK: u64 = 1 << 24;
 /// Submits work in short parts.
 #[derive(Debug)]
 pub(super) struct Submissions {
-    own: GpuDevice,
+    gpu: GpuDevice,
     encoder: wgpu::CommandEncoder,
     work: u64,
     has_submitted: bool,
 }
 
 impl Submissions {
-    pub(super) fn new(own: GpuDevice) -> Self {
-        let encoder = own.device.create_command_encoder(&Default::default());
-        Self { own, encoder, work: 0, has_submitted: false }
+    pub(super) fn new(gpu: GpuDevice) -> Self {
+        let encoder = gpu.device.create_command_encoder(&Default::default());
+        Self { gpu, encoder, work: 0, has_submitted: false }
     }
 
     pub(super) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
@@ -46,12 +46,12 @@ impl Submissions {
     }
 
     fn submit(&mut self) -> Result<(), Error> {
-        let Self { own, encoder, .. } = self;
+        let Self { gpu, encoder, .. } = self;
         self.has_submitted = true;
         self.work = 0;
-        with_error_scope(own, "steps", 0, || {
-            let next = own.device.create_command_encoder(&Default::default());
-            own.queue.submit([std::mem::replace(encoder, next).finish()]);
+        with_error_scope(gpu, "steps", 0, || {
+            let next = gpu.device.create_command_encoder(&Default::default());
+            gpu.queue.submit([std::mem::replace(encoder, next).finish()]);
         })
     }
 

@@ -240,7 +240,7 @@ fn at_wall_bits(drift: StepDrift) -> u32 {
 fn surface(receiver: &Receiver, species: usize, step: &SpeciesStep, time_step: f64) -> Option<EventRow> {
     let diffusion = f64::from(step.diffusion + (receiver.diffusion * time_step) as f32);
     let length = diffusion.sqrt();
-    let own = |reactivity: f64| (reactivity * time_step / length) as f32;
+    let scaled_reactivity = |reactivity: f64| (reactivity * time_step / length) as f32;
     let of_kind = |kind| EventRow { kind, length: length as f32, ..EventRow::default() };
     Some(match receiver.kind {
         ReceiverKind::Transparent | ReceiverKind::Wall(_) => return None,
@@ -248,7 +248,7 @@ fn surface(receiver: &Receiver, species: usize, step: &SpeciesStep, time_step: f
         ReceiverKind::Endpoint => of_kind(EventRow::ENDPOINT),
         ReceiverKind::Reflecting => of_kind(EventRow::REFLECTING),
         ReceiverKind::Partial(Adsorption::Reactivity(reactivity)) => {
-            EventRow { own: own(reactivity), ..of_kind(EventRow::PARTIAL) }
+            EventRow { own: scaled_reactivity(reactivity), ..of_kind(EventRow::PARTIAL) }
         }
         ReceiverKind::Partial(Adsorption::PerStep(probability)) => match below(probability) {
             Some(threshold) => EventRow { threshold, ..of_kind(EventRow::PER_STEP) },

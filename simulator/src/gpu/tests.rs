@@ -33,17 +33,17 @@ pub(crate) fn device() -> Option<GpuDevice> {
 
 const EVERYTHING: Variant = Variant { has_membranes: true, has_long_paths: true };
 
-fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 4]> {
+fn evaluate(gpu: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 4]> {
     let source = format!(
         "{pieces}\n@group(0) @binding(0) var<storage, read_write> out: array<vec4<u32>>;\n\
          @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) at: vec3<u32>) {{\n\
          let k = at.x;\nif (k < arrayLength(&out)) {{ {body} }}\n}}"
     );
-    let module = own.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
         source: wgpu::ShaderSource::Wgsl(expand(&source, EVERYTHING).into()),
     });
-    let pipeline = own.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,
         layout: None,
         module: &module,
@@ -51,20 +51,20 @@ fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 
         compilation_options: Default::default(),
         cache: None,
     });
-    let out = buffer(own, "out", 16 * u64::from(count)).expect("a buffer");
-    let bindings = own.device.create_bind_group(&wgpu::BindGroupDescriptor {
+    let out = buffer(gpu, "out", 16 * u64::from(count)).expect("a buffer");
+    let bindings = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
         layout: &pipeline.get_bind_group_layout(0),
         entries: &[wgpu::BindGroupEntry { binding: 0, resource: out.as_entire_binding() }],
     });
-    let mut encoder = own.device.create_command_encoder(&Default::default());
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
     {
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &bindings, &[]);
         pass.dispatch_workgroups(count.div_ceil(64), 1, 1);
     }
-    let bytes = read(own, encoder, &[(&out, 16 * u64::from(count))]).expect("read");
+    let bytes = read(gpu, encoder, &[(&out, 16 * u64::from(count))]).expect("read");
     bytemuck::pod_collect_to_vec(&bytes[0])
 }
 
@@ -79,9 +79,9 @@ const SCATTERED: &str =
 
 #[test]
 fn random_words_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let found =
-        evaluate(&own, "#include philox", &format!("{SCATTERED} out[k] = philox(counter, key);"), 20_000);
+        evaluate(&gpu, "#include philox", &format!("{SCATTERED} out[k] = philox(counter, key);"), 20_000);
     for (k, found) in (0..).zip(found) {
         let (counter, key) = scattered(k);
         assert_eq!(found, philox(counter, key), "{k}");
@@ -90,7 +90,7 @@ fn random_words_match_the_cpu() {
 
 #[test]
 fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let pieces = "#include philox\n#include normal";
     let body = |of: &str| {
         format!("{SCATTERED} let w = philox(counter, key); out[k] = vec4(bitcast<vec3<u32>>({of}), 0u);")
@@ -101,7 +101,7 @@ fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
         ("normals(w)", gaussian::normals as fn([u32; 4]) -> [f32; 3]),
         ("direction(w.x, w.y)", |w| gaussian::direction(w[0], w[1])),
     ] {
-        let found = evaluate(&own, pieces, &body(of), 50_000);
+        let found = evaluate(&gpu, pieces, &body(of), 50_000);
         for (k, [x, y, z, _]) in (0..).zip(found) {
             let (counter, key) = scattered(k);
             let exact = exact(philox(counter, key));
@@ -162,17 +162,17 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
 }
 
 fn matched(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     all: &[ReactionCandidate],
     particles: u32,
     [rounds, max_iterations]: [u32; 2],
 ) -> (u32, Vec<Option<f32>>) {
     let tables = Tables::new(&model(), Key::new(1), max_iterations);
-    let mut buffers = RunBuffers::new(own.clone(), &tables, 0).expect("buffers");
+    let mut buffers = RunBuffers::new(gpu.clone(), &tables, 0).expect("buffers");
     let sizes = Sizes { particles, pairs: all.len().max(1) as u32, ..Sizes::default() };
     let table = crate::reaction::interactions(&model()).expect("interactions");
     let settings = lazygrid::gpu::GpuConfig::default().interactions(table);
-    let mut detector = lazygrid::gpu::GpuDetector::new(&own.device, settings).expect("a detector");
+    let mut detector = lazygrid::gpu::GpuDetector::new(&gpu.device, settings).expect("a detector");
     let found = detector.reserve(particles).expect("room");
     let steps = StepDispatches::new(
         &mut buffers,
@@ -189,16 +189,16 @@ fn matched(
     let order: Vec<u32> = (0..all.len() as u32).rev().collect();
     let moved: Vec<[f32; 4]> = (0..particles).map(|k| [k as f32, 0.0, 0.0, 0.0]).collect();
     let head = ControlHeader { count: particles, left: [all.len() as u32, 0], ..ControlHeader::default() };
-    let write = |name: &str, bytes: &[u8]| own.queue.write_buffer(steps.buffer(name), 0, bytes);
+    let write = |name: &str, bytes: &[u8]| gpu.queue.write_buffer(steps.buffer(name), 0, bytes);
     write("candidates", bytemuck::cast_slice(&rows));
     write("left0", bytemuck::cast_slice(&order));
     write("moved", bytemuck::cast_slice(&moved));
     write("control", bytemuck::bytes_of(&head));
-    let mut encoder = own.device.create_command_encoder(&Default::default());
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
     steps.encode_matching(&mut encoder);
     let sources =
         [(steps.buffer("claims"), CLAIM_BYTES * u64::from(particles)), (steps.buffer("control"), 16)];
-    let read = read(own, encoder, &sources).expect("read");
+    let read = read(gpu, encoder, &sources).expect("read");
     let claims: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&read[0]);
     let control: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
     (control[3], claims.iter().map(|c| (c[2] != 0).then_some(f32::from_bits(c[4]))).collect())
@@ -206,19 +206,23 @@ fn matched(
 
 #[test]
 fn matching_equals_sequential_greedy_matching() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for (particles, count) in [(2, 1), (41, 300), (5_000, 300), (3_000, 9_000)] {
         for [rounds, max_iterations] in [[0, 60_000], [1, 60_000], [4, 60_000]] {
             let all = candidates(particles, count, rounds);
             let mut expected = vec![None; particles as usize];
             for chosen in choose(&mut Matching::default(), &all, particles as usize) {
                 let ReactionCandidate { at, consumes, .. } = chosen;
-                let own = at.map(|at| at as f32);
+                let own_positions = at.map(|at| at as f32);
                 // Products next to a catalyst stay at their reactants.
-                let positions = if consumes == [true; 2] { [0.5 * (own[0] + own[1]); 2] } else { own };
+                let positions = if consumes == [true; 2] {
+                    [0.5 * (own_positions[0] + own_positions[1]); 2]
+                } else {
+                    own_positions
+                };
                 (0..2).filter(|&k| consumes[k]).for_each(|k| expected[at[k] as usize] = Some(positions[k]));
             }
-            let found = matched(&own, &all, particles, [rounds, max_iterations]);
+            let found = matched(&gpu, &all, particles, [rounds, max_iterations]);
             assert_eq!(found, (0, expected), "{particles} particles, {count} candidates, {rounds} rounds");
         }
     }
@@ -226,23 +230,23 @@ fn matching_equals_sequential_greedy_matching() {
 
 #[test]
 fn unfinished_matching_halts_the_run() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let all = candidates(41, 300, 0);
-    assert_eq!(matched(&own, &all, 41, [0, 64]).0, ControlHeader::ROUNDS_LEFT);
+    assert_eq!(matched(&gpu, &all, 41, [0, 64]).0, ControlHeader::ROUNDS_LEFT);
 }
 
-fn written(own: &GpuDevice, name: &'static str, bytes: &[u8]) -> wgpu::Buffer {
-    let made = buffer(own, name, bytes.len() as u64).expect("a buffer");
-    own.queue.write_buffer(&made, 0, bytes);
+fn written(gpu: &GpuDevice, name: &'static str, bytes: &[u8]) -> wgpu::Buffer {
+    let made = buffer(gpu, name, bytes.len() as u64).expect("a buffer");
+    gpu.queue.write_buffer(&made, 0, bytes);
     made
 }
 
 #[test]
 fn survivors_are_compacted_in_output_order() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let tables = Tables::new(&model(), Key::new(1), 64);
     for (count, is_cell_order, halted) in [(700, 1, 0), (700, 0, 0), (1_100_001, 1, 0), (700, 1, 1)] {
-        let mut buffers = RunBuffers::new(own.clone(), &tables, 0).expect("buffers");
+        let mut buffers = RunBuffers::new(gpu.clone(), &tables, 0).expect("buffers");
         let word = |k: u32| philox([k, 0, 0, 0], [3, 0])[0];
         let mut order: Vec<u32> = (0..count).collect();
         order.sort_by_key(|&k| word(k));
@@ -254,7 +258,7 @@ fn survivors_are_compacted_in_output_order() {
         let claim = |k: u32| [0, 0, u32::from(word(k) % 7 < 3), product(k), k, 1, 2, 3];
         let claims: Vec<[u32; 8]> = (0..count).map(claim).collect();
         let head = ControlHeader { count, halted, capacity: count, ..ControlHeader::default() };
-        let with = |name, bytes: &[u8]| written(&own, name, bytes);
+        let with = |name, bytes: &[u8]| written(&gpu, name, bytes);
         let made: std::collections::HashMap<&str, wgpu::Buffer> = [
             ("order", with("order", bytemuck::cast_slice(&order))),
             ("moved", with("moved", bytemuck::cast_slice(&moved))),
@@ -268,7 +272,7 @@ fn survivors_are_compacted_in_output_order() {
             ("output_order", with("output_order", bytemuck::cast_slice(&[is_cell_order, 0, 0, 0]))),
         ]
         .into();
-        own.queue.write_buffer(buffers.buffer("control"), 0, bytemuck::bytes_of(&head));
+        gpu.queue.write_buffer(buffers.buffer("control"), 0, bytemuck::bytes_of(&head));
         let [params, control, log] = ["params", "control", "log"].map(|name| buffers.buffer(name).clone());
         let find = |name| match name {
             "params" => params.clone(),
@@ -276,7 +280,7 @@ fn survivors_are_compacted_in_output_order() {
             "log" => log.clone(),
             other => made[other].clone(),
         };
-        let mut encoder = own.device.create_command_encoder(&Default::default());
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
         for (kernel, groups) in [
             (&k::SURVIVORS_COUNT, count.div_ceil(k::WORKGROUP_SIZE)),
             (&k::SURVIVORS_SCAN, 1),
@@ -286,7 +290,7 @@ fn survivors_are_compacted_in_output_order() {
         }
         let n = u64::from(count);
         let read = read(
-            &own,
+            &gpu,
             encoder,
             &[
                 (&made["spheres"], 16 * n),
@@ -319,9 +323,9 @@ fn survivors_are_compacted_in_output_order() {
 
 #[test]
 fn buffer_begins_with_its_contents() {
-    let Some(own) = device() else { return };
-    let made = filled(&own, "three words", &[1u32, 2, 3]).expect("a buffer");
-    let encoder = own.device.create_command_encoder(&Default::default());
-    let back = read(&own, encoder, &[(&made, 4), (&made, 12)]).expect("read");
+    let Some(gpu) = device() else { return };
+    let made = filled(&gpu, "three words", &[1u32, 2, 3]).expect("a buffer");
+    let encoder = gpu.device.create_command_encoder(&Default::default());
+    let back = read(&gpu, encoder, &[(&made, 4), (&made, 12)]).expect("read");
     assert_eq!(back, [vec![1, 0, 0, 0], vec![1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0]]);
 }

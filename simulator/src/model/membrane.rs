@@ -165,13 +165,13 @@ impl MembraneStep<'_> {
     /// Returns the indices of planar membranes, and the coordinates of their images.
     fn planes(&self, axis: usize) -> impl Iterator<Item = (usize, f32)> {
         let domain = self.domain.axes[axis];
-        let own = move |(k, membrane): (usize, &Membrane)| match membrane.surface {
+        let plane = move |(k, membrane): (usize, &Membrane)| match membrane.surface {
             MembraneSurface::Plane { axis: across, position } if across == axis => {
                 membrane.sees[self.species].then_some((k, position))
             }
             _ => None,
         };
-        let all = self.membranes.iter().enumerate().filter_map(own);
+        let all = self.membranes.iter().enumerate().filter_map(plane);
         all.flat_map(move |(k, position)| domain.plane_images(position).map(move |at| (k, at)))
     }
 

@@ -115,7 +115,8 @@ impl Message {
     }
 
     pub(crate) fn sent_before(&self, step: u32, time_step: f64) -> u32 {
-        let is_sent = |k: u32| step_of(self.time_of(k), time_step).is_some_and(|own| own < step);
+        let is_sent =
+            |k: u32| step_of(self.time_of(k), time_step).is_some_and(|symbol_step| symbol_step < step);
         let [mut low, mut high] = [0, self.symbols.len()];
         while low < high {
             let middle = low + (high - low) / 2;

@@ -50,9 +50,9 @@ impl ReactionProbabilities<'_> {
     }
 
     pub(crate) fn decays(self, species: u32) -> Vec<(usize, f64)> {
-        let own = self.0.decays.iter().enumerate().filter(|(_, decay)| decay.reactant == species);
+        let decays = self.0.decays.iter().enumerate().filter(|(_, decay)| decay.reactant == species);
         let factor = factor(self.decay_rate(species), self.0.time_step);
-        own.map(|(index, decay)| (index, decay.rate * factor)).collect()
+        decays.map(|(index, decay)| (index, decay.rate * factor)).collect()
     }
 
     pub(crate) fn decay_rate(self, species: u32) -> f64 {
@@ -79,8 +79,9 @@ fn rate(reaction: &Reaction) -> f64 {
 }
 
 fn channels(model: &Model, [a, b]: [u32; 2]) -> impl Iterator<Item = (usize, &Reaction)> {
-    let own = move |reaction: &Reaction| reaction.reactants == [a, b] || reaction.reactants == [b, a];
-    model.reactions.iter().enumerate().filter(move |(_, reaction)| own(reaction))
+    let has_reactants =
+        move |reaction: &Reaction| reaction.reactants == [a, b] || reaction.reactants == [b, a];
+    model.reactions.iter().enumerate().filter(move |(_, reaction)| has_reactants(reaction))
 }
 
 pub(crate) fn undoes(decay: &Decay, reaction: &Reaction) -> bool {

@@ -159,7 +159,9 @@ impl Transmitter {
 }
 
 fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
-    let until = |step| times.partition_point(|&time| step_of(time, time_step).is_some_and(|own| own < step));
+    let until = |step| {
+        times.partition_point(|&time| step_of(time, time_step).is_some_and(|burst_step| burst_step < step))
+    };
     &times[until(step)..until(step.saturating_add(1))]
 }
 

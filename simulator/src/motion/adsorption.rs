@@ -44,8 +44,8 @@ pub(crate) struct Step {
     /// In µm.
     radius: f64,
     /// κ√(Δt/D).
-    own: f64,
-    /// `own` + √(DΔt)/R.
+    scaled_reactivity: f64,
+    /// `scaled_reactivity` + √(DΔt)/R.
     all: f64,
 }
 
@@ -53,13 +53,13 @@ impl Step {
     /// `diffusion` is DΔt, with D the sum of both coefficients.
     pub(crate) fn new(diffusion: f64, time_step: f64, (radius, reactivity): (f64, f64)) -> Self {
         let length = diffusion.sqrt();
-        let own = reactivity * time_step / length;
-        Self { length, radius, own, all: own + length / radius }
+        let scaled_reactivity = reactivity * time_step / length;
+        Self { length, radius, scaled_reactivity, all: scaled_reactivity + length / radius }
     }
 
     /// Returns s of the module's documentation.
     fn on_plane(&self, distances: f64) -> f64 {
-        (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
+        (ROOT_PI * self.scaled_reactivity * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
     }
 
     /// Returns the adsorption probability of a path that reaches the surface. Heights are negative inside.
@@ -86,13 +86,13 @@ impl Step {
         };
         // D/(D + κR) and its complement.
         let free = self.length / (self.radius * x);
-        4.0 * PI * self.radius.powi(2) * self.own * self.length * (free + (1.0 - free) * mean)
+        4.0 * PI * self.radius.powi(2) * self.scaled_reactivity * self.length * (free + (1.0 - free) * mean)
     }
 
     /// Returns [`volume`](Self::volume) divided by κ·4πR²Δt, or 0 without reactivity.
     pub(crate) fn effective_fraction(&self) -> f64 {
-        match self.own > 0.0 {
-            true => self.volume() / (4.0 * PI * self.radius.powi(2) * self.own * self.length),
+        match self.scaled_reactivity > 0.0 {
+            true => self.volume() / (4.0 * PI * self.radius.powi(2) * self.scaled_reactivity * self.length),
             false => 0.0,
         }
     }
@@ -132,7 +132,7 @@ mod tests {
 
     fn collins_kimball(step: &Step, a: f64) -> f64 {
         let y = a / (2.0 * step.length);
-        step.own / step.all * libm::exp(-y * y) * step.taken_from(y)
+        step.scaled_reactivity / step.all * libm::exp(-y * y) * step.taken_from(y)
     }
 
     fn over_heights(step: &Step, f: impl Fn(f64) -> f64) -> f64 {
@@ -239,7 +239,7 @@ mod tests {
         let step = Step::new(diffusion, time_step, (1e9, kappa));
         let beyond = (diffusion / PI).sqrt();
         let andrews = beyond * kappa * (2.0 * PI).sqrt();
-        let own = step.volume() / (4.0 * PI * 1e18);
-        assert!((own / andrews - 1.0).abs() < 1e-3, "{own} and {andrews}");
+        let mean = step.volume() / (4.0 * PI * 1e18);
+        assert!((mean / andrews - 1.0).abs() < 1e-3, "{mean} and {andrews}");
     }
 }

@@ -64,14 +64,14 @@ pub(crate) fn leaving(
     let leaves = |(at, held): (usize, &Bound)| {
         let receiver = &model.receivers[held.receiver as usize];
         let first = first_types[held.receiver as usize];
-        let own = receiver.receptor_types().get((held.receptor - first) as usize)?.ligand(held.species)?;
+        let ligand = receiver.receptor_types().get((held.receptor - first) as usize)?.ligand(held.species)?;
         // Detailed balance: the reverse reaction sees one more free receptor.
         let free_of = |kind: usize| {
             let index = first + kind as u32;
             free[index as usize].saturating_add(u32::from(index == held.receptor))
         };
         let desorption = desorption(model, receiver, held.species, free_of);
-        let probability = own.unbinding_rate * model.time_step * desorption.effective_fraction();
+        let probability = ligand.unbinding_rate * model.time_step * desorption.effective_fraction();
         let mut draws = Draws::new(key, held.id, step, Purpose::Unbinding);
         (draws.unit() < probability)
             .then(|| UnboundParticle { at, height: desorption.height_after(&mut draws) as f32 })

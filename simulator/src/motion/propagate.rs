@@ -148,19 +148,19 @@ impl Propagator {
                 let flight = match flights {
                     Some(flights) => flights[base + at],
                     None => {
-                        let own =
+                        let particle_velocity =
                             velocity.each_ref().map(|column| column.get(at).copied().unwrap_or_default());
                         let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
                         let start = FlightStart {
                             species: species[at],
                             position: [x[at], y[at], z[at]],
-                            velocity: own,
+                            velocity: particle_velocity,
                         };
                         self.flight(start, normal, now.for_particle(id))
                     }
                 };
                 let mut path = flight.path;
-                let mut own = self.with_velocity.then_some(flight.velocity);
+                let mut particle_velocity = self.with_velocity.then_some(flight.velocity);
                 if watches {
                     let index = base + at;
                     let (at, species) = (index as u32, species[at]);
@@ -172,7 +172,7 @@ impl Propagator {
                         free_end: flight.free_end,
                         path_length: 0.0,
                         reflection: None,
-                        velocity: own,
+                        velocity: particle_velocity,
                     };
                     if has_membranes {
                         self.surfaces_of(moved.species).hold_back(&mut moved);
@@ -186,11 +186,11 @@ impl Propagator {
                         }
                         Some(_) => unsure.push(moved),
                     }
-                    (path, own) = (moved.path, moved.velocity);
+                    (path, particle_velocity) = (moved.path, moved.velocity);
                 }
                 [x[at], y[at], z[at]] = path.after;
-                if let Some(own) = own {
-                    (0..3).for_each(|axis| velocity[axis][at] = own[axis]);
+                if let Some(particle_velocity) = particle_velocity {
+                    (0..3).for_each(|axis| velocity[axis][at] = particle_velocity[axis]);
                 }
             }
         }

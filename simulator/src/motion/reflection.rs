@@ -91,18 +91,21 @@ fn obstacles<'a>(
 ) -> Vec<Obstacle<'a>> {
     let mut obstacles = Vec::with_capacity(bodies.len());
     for &body in bodies {
-        let own = body.displacement.map(f64::from);
+        let receiver_displacement = body.displacement.map(f64::from);
         let exact = |from: [f32; 3], to: [f64; 3]| -> [f64; 3] {
             std::array::from_fn(|k| domain.axes[k].displacement_exact(to[k] - f64::from(from[k])))
         };
         let before = path.before.map(f64::from);
         let offset = exact(body.center, before);
-        let last = exact(body.center, std::array::from_fn(|k| before[k] + displacement[k] - own[k]));
-        let other: [f64; 3] = std::array::from_fn(|k| last[k] - (displacement[k] - own[k]));
+        let last = exact(
+            body.center,
+            std::array::from_fn(|k| before[k] + displacement[k] - receiver_displacement[k]),
+        );
+        let other: [f64; 3] = std::array::from_fn(|k| last[k] - (displacement[k] - receiver_displacement[k]));
         let differs = (0..3).any(|k| (other[k] - offset[k]).abs() > f64::from(body.receiver.radius));
-        obstacles.push(Obstacle { body, offset, displacement: own });
+        obstacles.push(Obstacle { body, offset, displacement: receiver_displacement });
         if differs {
-            obstacles.push(Obstacle { body, offset: other, displacement: own });
+            obstacles.push(Obstacle { body, offset: other, displacement: receiver_displacement });
         }
     }
     obstacles

@@ -35,8 +35,8 @@ impl RequestCounts {
     pub(crate) fn warnings(&self, model: &Model) -> Vec<String> {
         let first = model.first_receptor_types();
         let of = |k: usize| {
-            let own = self.0.get(first[k] as usize..first[k + 1] as usize).unwrap_or_default();
-            own.iter().fold([0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+            let counts = self.0.get(first[k] as usize..first[k + 1] as usize).unwrap_or_default();
+            counts.iter().fold([0; 2], |sum, counts| [sum[0] + counts[0], sum[1] + counts[1]])
         };
         let said = |(k, receiver): (usize, &crate::Receiver)| {
             let [all, refused] = of(k);

@@ -51,9 +51,9 @@ pub(crate) struct AbsorbingWall {
 
 impl AbsorbingWall {
     pub(crate) fn all(model: &Model) -> Vec<Self> {
-        let wall = |(receiver, own): (usize, &crate::Receiver)| match own.kind {
+        let wall = |(receiver, wall_receiver): (usize, &crate::Receiver)| match wall_receiver.kind {
             ReceiverKind::Wall(face) => {
-                Some(Self { receiver: receiver as u32, sees: own.sees.clone(), face })
+                Some(Self { receiver: receiver as u32, sees: wall_receiver.sees.clone(), face })
             }
             _ => None,
         };

@@ -209,8 +209,8 @@ pub(crate) fn replica_directory(directory: &Path, replica: u32) -> PathBuf {
 /// Removes the report, animation page and Arrow copies of a run. Files of others stay.
 pub(crate) fn remove_derived(directory: &Path, is_animated: bool, has_logs: bool) -> Result<(), Error> {
     remove_report(directory)?;
-    let mut own = derived(is_animated, has_logs).filter(|name| is_marked(directory, name));
-    own.try_for_each(|name| remove_file(directory.join(name)))
+    let mut marked = derived(is_animated, has_logs).filter(|name| is_marked(directory, name));
+    marked.try_for_each(|name| remove_file(directory.join(name)))
 }
 
 pub(super) fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -> Result<(), Error> {

@@ -118,11 +118,11 @@ fn decay(model: &Model, now: &mut [f64], time: f64) -> f64 {
     let before = now.to_vec();
     let mut split = 0.0;
     for (species, count) in before.into_iter().enumerate() {
-        let own = || model.decays.iter().filter(|decay| decay.reactant as usize == species);
-        let total: f64 = own().map(|decay| decay.rate).sum();
+        let decays = || model.decays.iter().filter(|decay| decay.reactant as usize == species);
+        let total: f64 = decays().map(|decay| decay.rate).sum();
         let decayed = -count * libm::expm1(-total * time);
         now[species] -= decayed;
-        for decay in own().filter(|_| total > 0.0) {
+        for decay in decays().filter(|_| total > 0.0) {
             let product_count = decayed * decay.rate / total;
             for product in decay.products.into_iter().flatten() {
                 now[product as usize] += product_count;

@@ -130,8 +130,8 @@ pub(crate) fn remove_report(directory: &Path) -> Result<(), Error> {
 
 fn remove_plots_and_tables(directory: &Path, page: &str) -> Result<(), Error> {
     remove_plots(directory, page)?;
-    let own = TABLES.into_iter().filter(|name| is_table_of(page, name, &directory.join(name)));
-    own.into_iter().try_for_each(|name| remove_file(directory.join(name)))
+    let tables = TABLES.into_iter().filter(|name| is_table_of(page, name, &directory.join(name)));
+    tables.into_iter().try_for_each(|name| remove_file(directory.join(name)))
 }
 
 pub(super) fn remove_own_plots(directory: &Path) -> Result<(), Error> {

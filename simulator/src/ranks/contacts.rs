@@ -12,10 +12,10 @@ use crate::Simulation;
 use crate::motion::contact::{PASSES, Push};
 use crate::random::philox::StepKey;
 
-/// Ghosts follow `own` particles, and `sent` are ghosts on each rank.
+/// Ghosts follow `own_count` particles, and `sent` are ghosts on each rank.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SharedParticles<'a> {
-    pub(super) own: usize,
+    pub(super) own_count: usize,
     pub(super) ghosts: &'a Ghosts,
     pub(super) sent: &'a [Vec<u32>],
 }
@@ -43,9 +43,9 @@ pub(super) fn separate<C: Communicator>(
     pairs: &[Pair],
     mut reacted: Vec<u32>,
 ) -> Result<(), C::Error> {
-    let SharedParticles { own, ghosts, sent } = shared;
+    let SharedParticles { own_count, ghosts, sent } = shared;
     reacted.sort_unstable();
-    let mut free: Vec<bool> = (0..own as u32).map(|at| reacted.binary_search(&at).is_err()).collect();
+    let mut free: Vec<bool> = (0..own_count as u32).map(|at| reacted.binary_search(&at).is_err()).collect();
     free.resize(run.state.particles.len(), true);
     let counts: Vec<usize> = sent.iter().map(Vec::len).collect();
     for pass in 0..PASSES {
@@ -57,7 +57,7 @@ pub(super) fn separate<C: Communicator>(
         });
         let (states, _) =
             communicator.all_to_all_v("ghosts that move", &states.collect::<Vec<_>>(), &counts)?;
-        for (at, ghost) in (own..).zip(states) {
+        for (at, ghost) in (own_count..).zip(states) {
             particles.set_position(at, ghost.position);
             free[at] = ghost.free > 0;
         }
@@ -70,9 +70,9 @@ pub(super) fn separate<C: Communicator>(
             break;
         }
         let (mut pushes, across): (Vec<Push>, Vec<Push>) =
-            pushes.into_iter().partition(|&(at, _)| (at as usize) < own);
+            pushes.into_iter().partition(|&(at, _)| (at as usize) < own_count);
         let message = |(at, push): Push| {
-            let ghost = at - own as u32;
+            let ghost = at - own_count as u32;
             (ghosts.rank_of(ghost), PushMessage { at: ghosts.particles()[ghost as usize].index.into(), push })
         };
         let across = across.into_iter().map(message).collect();

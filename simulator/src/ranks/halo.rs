@@ -32,7 +32,7 @@ struct MoverMessage {
     time: f64,
     motion: [f64; 3],
     speed: f64,
-    own: [f64; 3],
+    velocity: [f64; 3],
     id: u32,
     species: u32,
     radius: f32,
@@ -55,9 +55,9 @@ impl<'a, C: Communicator> RankHalo<'a, C> {
     }
 
     /// Returns own movers that may be candidates on another rank, and are unknown there.
-    fn unsent(&self, wrapped: &[WrappedSphere], own: usize, bounds: &RankBounds) -> Vec<SentGhost> {
+    fn unsent(&self, wrapped: &[WrappedSphere], own_count: usize, bounds: &RankBounds) -> Vec<SentGhost> {
         let this = self.communicator.rank();
-        let here = ClassBounds::all_of(&wrapped[..own]);
+        let here = ClassBounds::all_of(&wrapped[..own_count]);
         let mut unsent = Vec::new();
         for rank in (0..bounds.ranks()).filter(|&rank| rank != this) {
             let is_near = |there: &&ClassBounds| here.iter().any(|here| here.can_pair(there, self.wrapper));
@@ -69,7 +69,7 @@ impl<'a, C: Communicator> RankHalo<'a, C> {
                 near.iter().any(|near| near.can_pair(&sphere, self.wrapper))
                     && known.binary_search_by_key(&at, |ghost| ghost.at).is_err()
             };
-            let found = (0..own as u32).filter(is_unsent);
+            let found = (0..own_count as u32).filter(is_unsent);
             unsent.extend((known.len() as u32..).zip(found).map(|(ghost_index, at)| SentGhost {
                 at,
                 rank,
@@ -97,14 +97,14 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
     }
 
     fn add_ghosts(&mut self, movers: &mut Vec<Mover>, allowance: f64) -> Result<(), C::Error> {
-        let own = movers.len();
+        let own_count = movers.len();
         self.sent.clear();
         self.held = vec![Vec::new(); self.communicator.ranks() as usize];
         let mut wrapped = Vec::new();
         for _ in 0..HOPS {
             wrapped.extend(self.wrapped(&movers[wrapped.len()..], allowance));
             let bounds = RankBounds::gather(self.communicator, &wrapped)?;
-            let unsent = self.unsent(&wrapped, own, &bounds);
+            let unsent = self.unsent(&wrapped, own_count, &bounds);
             let message = |ghost: &SentGhost| {
                 (ghost.rank, MoverMessage::new(&movers[ghost.at as usize], ghost.ghost_index))
             };
@@ -144,13 +144,13 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
 
 impl MoverMessage {
     fn new(mover: &Mover, ghost_index: u32) -> Self {
-        let Mover { position, time, motion, speed, own, id, species, radius, collided: _ } = *mover;
-        Self { position, time, motion, speed, own, id, species, radius, ghost_index }
+        let Mover { position, time, motion, speed, velocity, id, species, radius, collided: _ } = *mover;
+        Self { position, time, motion, speed, velocity, id, species, radius, ghost_index }
     }
 
     fn mover(&self) -> Mover {
-        let Self { position, time, motion, speed, own, id, species, radius, ghost_index: _ } = *self;
-        Mover { position, time, motion, speed, own, id, species, radius, collided: false }
+        let Self { position, time, motion, speed, velocity, id, species, radius, ghost_index: _ } = *self;
+        Mover { position, time, motion, speed, velocity, id, species, radius, collided: false }
     }
 }
 
@@ -212,7 +212,7 @@ mod tests {
             indices
         }
 
-        fn run<H: Halo>(&self, indices: &[u32], own: usize, halo: &mut H) -> (Vec<Mover>, WindowEnd)
+        fn run<H: Halo>(&self, indices: &[u32], own_count: usize, halo: &mut H) -> (Vec<Mover>, WindowEnd)
         where
             H::Error: std::fmt::Debug,
         {
@@ -225,10 +225,17 @@ mod tests {
             neighbors.sort_by_id(&movers);
             let Self { rules, top_speed, .. } = self;
             let (neighbors, horizon) = (&neighbors, ALLOWANCE / top_speed);
-            let window =
-                Window { rules, neighbors, own, horizon, top_speed: *top_speed, slack: SLACK, limit: 3000 };
+            let window = Window {
+                rules,
+                neighbors,
+                own_count,
+                horizon,
+                top_speed: *top_speed,
+                slack: SLACK,
+                limit: 3000,
+            };
             let end = window.run(&mut movers, halo).expect("no rank fails");
-            movers.truncate(own);
+            movers.truncate(own_count);
             (movers, end)
         }
 
@@ -236,7 +243,7 @@ mod tests {
             let ranks = threads::on(RANKS, |mut thread| {
                 let this = thread.rank();
                 let indices = self.indices(this, hops);
-                let own = indices.iter().filter(|&&at| self.owner(at) == this).count();
+                let own_count = indices.iter().filter(|&&at| self.owner(at) == this).count();
                 let count =
                     |rank| indices.iter().filter(|&&at| rank != this && self.owner(at) == rank).count();
                 let mut sent = Vec::new();
@@ -250,11 +257,11 @@ mod tests {
                     }));
                 }
                 sent.sort_unstable_by_key(|ghost| ghost.at);
-                let mut next = own as u32..;
+                let mut next = own_count as u32..;
                 let held = (0..RANKS).map(|rank| next.by_ref().take(count(rank)).collect()).collect();
                 let mut halo =
                     RankHalo { communicator: &mut thread, wrapper: &SphereWrapper::default(), sent, held };
-                self.run(&indices, own, &mut halo)
+                self.run(&indices, own_count, &mut halo)
             });
             let end = ranks[0].1;
             let mut movers: Vec<Mover> = ranks.into_iter().flat_map(|(movers, _)| movers).collect();
@@ -282,10 +289,10 @@ mod tests {
                 let mine = (0..800).filter(|k| k / 2 % RANKS == rank).map(mover);
                 let mut movers: Vec<Mover> =
                     mine.chain((has_target && rank == RANKS - 1).then_some(target)).collect();
-                let own = movers.len();
+                let own_count = movers.len();
                 RankHalo::new(&mut thread, &wrapper).add_ghosts(&mut movers, ALLOWANCE).expect("ghosts");
-                assert!(movers[own..].iter().all(|mover| mover.species < 2 || table.is_none()));
-                movers.len() - own
+                assert!(movers[own_count..].iter().all(|mover| mover.species < 2 || table.is_none()));
+                movers.len() - own_count
             })
         };
         assert_eq!(ghosts(None, false), [600; 4]);

@@ -62,21 +62,21 @@ impl KeyMessage {
 
 #[derive(Clone, Copy, Debug)]
 struct RankParticles<'a> {
-    own: usize,
+    own_count: usize,
     ghosts: &'a Ghosts,
 }
 
 impl DistributedMatching {
-    /// Returns this rank's winning candidates, by key. Ghosts follow its `own` particles. `sample` is that of
+    /// Returns this rank's winning candidates, by key. Ghosts follow its `own_count` particles. `sample` is that of
     /// [`Matching::greedy`](crate::reaction::matching::Matching::greedy).
     pub(super) fn greedy<C: Communicator>(
         &mut self,
         communicator: &mut C,
-        own: usize,
+        own_count: usize,
         ghosts: &Ghosts,
         mut sample: impl FnMut(&[bool], &mut BestCandidates) -> Result<(), Error>,
     ) -> Result<Vec<ReactionCandidate>, C::Error> {
-        let count = own + ghosts.particles().len();
+        let count = own_count + ghosts.particles().len();
         self.best.resize(self.best.len().max(count), None);
         self.taken.resize(self.taken.len().max(count), false);
         let (mut chosen, mut won) = (Vec::new(), Vec::new());
@@ -92,7 +92,12 @@ impl DistributedMatching {
                 best.restrict(bounds.into_iter().map(KeyMessage::key).min().expect("one of each rank"));
             }
             let candidates = &mut best.candidates;
-            chosen.extend(self.choose(communicator, candidates, RankParticles { own, ghosts }, &mut won)?);
+            chosen.extend(self.choose(
+                communicator,
+                candidates,
+                RankParticles { own_count, ghosts },
+                &mut won,
+            )?);
             if is_last {
                 break;
             }
@@ -111,7 +116,7 @@ impl DistributedMatching {
         particles: RankParticles<'_>,
         won: &mut Vec<u32>,
     ) -> Result<Vec<ReactionCandidate>, C::Error> {
-        let own = particles.own;
+        let own_count = particles.own_count;
         candidates.par_sort_unstable_by_key(ReactionCandidate::key);
         let candidates = &*candidates;
         let mut active: Vec<u32> = (0..candidates.len() as u32).collect();
@@ -120,7 +125,7 @@ impl DistributedMatching {
             for &c in &active {
                 candidates[c as usize].claimed().for_each(|at| self.bid(at, candidates[c as usize].key()));
             }
-            self.ask(communicator, particles, &claimed_ghosts(candidates, &active, own), won)?;
+            self.ask(communicator, particles, &claimed_ghosts(candidates, &active, own_count), won)?;
             let claimed = |c: u32| candidates[c as usize].claimed();
             let wins = |c: &u32| {
                 let key = Some(candidates[*c as usize].key());
@@ -130,7 +135,7 @@ impl DistributedMatching {
             won.clear();
             for at in winners.iter().flat_map(|&c| claimed(c)) {
                 self.taken[at] = true;
-                won.extend(at.checked_sub(own).map(|ghost| ghost as u32));
+                won.extend(at.checked_sub(own_count).map(|ghost| ghost as u32));
             }
             active.retain(|&c| claimed(c).all(|at| !self.taken[at]));
             chosen.extend(winners);
@@ -153,11 +158,12 @@ impl DistributedMatching {
         wanted: &[u32],
         won: &[u32],
     ) -> Result<(), C::Error> {
-        let RankParticles { own, ghosts } = particles;
+        let RankParticles { own_count, ghosts } = particles;
         let bid = |ghost: u32, takes: u32, key: KeyMessage| {
             (ghosts.rank_of(ghost), GhostBid { at: ghosts.particles()[ghost as usize].index, takes, key })
         };
-        let key = |ghost: u32| KeyMessage::from_key(self.best[own + ghost as usize].unwrap_or_default());
+        let key =
+            |ghost: u32| KeyMessage::from_key(self.best[own_count + ghost as usize].unwrap_or_default());
         let mut bids: Vec<_> = won.iter().map(|&ghost| bid(ghost, 1, KeyMessage::default())).collect();
         bids.extend(wanted.iter().map(|&ghost| bid(ghost, 0, key(ghost))));
         let (bids, counts) = send_to_ranks(communicator, "bids of ghosts", bids)?;
@@ -178,7 +184,7 @@ impl DistributedMatching {
         // Ghosts lie by their owners, so replies come in the order of `wanted`.
         let (replies, _) = send_to_ranks(communicator, "replies to bids", replies)?;
         for (&ghost, reply) in wanted.iter().zip(&replies) {
-            let at = own + ghost as usize;
+            let at = own_count + ghost as usize;
             self.best[at] = Some(reply.key.key());
             self.taken[at] |= reply.taken > 0;
         }
@@ -186,10 +192,10 @@ impl DistributedMatching {
     }
 }
 
-fn claimed_ghosts(candidates: &[ReactionCandidate], active: &[u32], own: usize) -> Vec<u32> {
+fn claimed_ghosts(candidates: &[ReactionCandidate], active: &[u32], own_count: usize) -> Vec<u32> {
     let claimed = active.iter().flat_map(|&c| candidates[c as usize].claimed());
     let mut ghosts: Vec<u32> =
-        claimed.filter_map(|at| at.checked_sub(own)).map(|ghost| ghost as u32).collect();
+        claimed.filter_map(|at| at.checked_sub(own_count)).map(|ghost| ghost as u32).collect();
     ghosts.sort_unstable();
     ghosts.dedup();
     ghosts
@@ -218,16 +224,16 @@ mod tests {
         let mut ghosts: Vec<u32> = here.iter().flat_map(|c| c.at).filter(foreign).collect();
         ghosts.sort_unstable_by_key(|&p| (owners[p as usize], p));
         ghosts.dedup();
-        let own = owners.iter().filter(|&&owner| owner == rank).count();
+        let own_count = owners.iter().filter(|&&owner| owner == rank).count();
         let local = |p: u32| match ghosts.iter().position(|&ghost| ghost == p) {
-            Some(ghost) => (own + ghost) as u32,
+            Some(ghost) => (own_count + ghost) as u32,
             None => index(p),
         };
         let here = here.into_iter().map(|c| ReactionCandidate { at: c.at.map(local), ..c }).collect();
         let count = |of: u32| ghosts.iter().filter(|&&p| owners[p as usize] == of).count();
         let counts: Vec<usize> = (0..ranks).map(count).collect();
         let particle = |&p: &u32| Particle { index: index(p), id: p.into(), ..Particle::default() };
-        (here, own, Ghosts::new(ghosts.iter().map(particle).collect(), &counts))
+        (here, own_count, Ghosts::new(ghosts.iter().map(particle).collect(), &counts))
     }
 
     /// Each rank chooses twice, to test the state between calls.
@@ -235,13 +241,13 @@ mod tests {
         let ranks = owners.iter().max().map_or(1, |most| most + 1);
         let chosen = threads::on(ranks, |mut thread| {
             let mut matching = DistributedMatching::default();
-            let (here, own, ghosts) = of_rank(all, owners, thread.rank());
+            let (here, own_count, ghosts) = of_rank(all, owners, thread.rank());
             let sample = |taken: &[bool], best: &mut BestCandidates| {
                 let open = here.iter().filter(|c| !c.claimed().any(|at| taken[at]));
                 open.clone().try_for_each(|candidate| best.extend(&[*candidate]))
             };
             let [first, second] = [0, 1].map(|_| {
-                let chosen = matching.greedy(&mut thread, own, &ghosts, sample).expect("no rank fails");
+                let chosen = matching.greedy(&mut thread, own_count, &ghosts, sample).expect("no rank fails");
                 chosen.iter().map(|c| (c.key(), c.ids)).collect::<Vec<_>>()
             });
             assert_eq!(first, second);

@@ -60,9 +60,9 @@ impl RankPairSearch {
         let wrapped = rows::wrapped(&self.wrapper, particles);
         let ids: Vec<u64> = particles.id.iter().map(|&id| id.into()).collect();
         let ranks = self.partitioner.assign(communicator, &wrapped, &ids, BOUND)?.ranks;
-        let own = communicator.rank();
+        let own_rank = communicator.rank();
         let mut leaving: Vec<u32> =
-            (0..).zip(&ranks).filter(|&(_, &rank)| rank != own).map(|(at, _)| at).collect();
+            (0..).zip(&ranks).filter(|&(_, &rank)| rank != own_rank).map(|(at, _)| at).collect();
         let send = leaving.iter().map(|&at| (ranks[at as usize], rows::row(particles, at))).collect();
         let (came, _) = send_to_ranks(communicator, "particles that change rank", send)?;
         leaving.iter().for_each(|&at| totals.present[particles.species[at as usize] as usize] -= 1);
@@ -80,7 +80,7 @@ impl RankPairSearch {
     ) -> Result<Vec<ReactantChange>, C::Error> {
         self.migrate(communicator, run)?;
         let (ghosts, sent) = self.ghosts(communicator, run)?;
-        let own = run.state.particles.len();
+        let own_count = run.state.particles.len();
         let separates = run.contacts.separate();
         if run.reactions.is_empty() && !separates {
             let counted = self.count(run, &ghosts);
@@ -104,17 +104,17 @@ impl RankPairSearch {
                 sampled
             }
         };
-        let chosen = matching.greedy(communicator, own, &ghosts, sample)?;
+        let chosen = matching.greedy(communicator, own_count, &ghosts, sample)?;
         let now = StepKey { key: run.key, step: run.state.step };
         let outcomes = run.reactions.all_outcomes(&run.state.particles, &chosen, now);
         chosen.iter().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
-        let outcomes = deliver_outcomes(communicator, outcomes, own, &ghosts)?;
+        let outcomes = deliver_outcomes(communicator, outcomes, own_count, &ghosts)?;
         if let Some(pairs) = pairs {
             let reacted = outcomes.iter().map(|outcome| outcome.at).collect();
-            let shared = SharedParticles { own, ghosts: &ghosts, sent: &sent };
+            let shared = SharedParticles { own_count, ghosts: &ghosts, sent: &sent };
             separate(communicator, run, shared, &pairs, reacted)?;
         }
-        run.state.particles.truncate(own);
+        run.state.particles.truncate(own_count);
         Ok(outcomes)
     }
 
@@ -164,14 +164,14 @@ fn find(
     mut consume: impl FnMut(&[Pair]) -> ControlFlow<()> + Send,
 ) -> Result<u64, Error> {
     let State { particles, step, .. } = &run.state;
-    let own = particles.len() - ghosts.particles().len();
+    let own_count = particles.len() - ghosts.particles().len();
     let mut across = Vec::new();
-    let counts = search.run(particles.first_spheres(own)?, ghosts, |found, pairs| {
+    let counts = search.run(particles.first_spheres(own_count)?, ghosts, |found, pairs| {
         let pairs = match found {
             PairKind::Local => pairs,
             PairKind::WithGhost => {
                 across.clear();
-                across.extend(pairs.iter().map(|&[i, j]| [i, own as u32 + j]));
+                across.extend(pairs.iter().map(|&[i, j]| [i, own_count as u32 + j]));
                 &across
             }
         };
@@ -189,11 +189,11 @@ fn sample(run: &Simulation, pairs: &[Pair], taken: &[bool], best: &mut BestCandi
 fn deliver_outcomes<C: Communicator>(
     communicator: &mut C,
     mut outcomes: Vec<ReactantChange>,
-    own: usize,
+    own_count: usize,
     ghosts: &Ghosts,
 ) -> Result<Vec<ReactantChange>, C::Error> {
     let ghost_of =
-        |outcome: &ReactantChange| (outcome.at as usize).checked_sub(own).map(|ghost| ghost as u32);
+        |outcome: &ReactantChange| (outcome.at as usize).checked_sub(own_count).map(|ghost| ghost as u32);
     let message = |outcome: &ReactantChange| {
         let ghost = ghost_of(outcome)?;
         let at = ghosts.particles()[ghost as usize].index;

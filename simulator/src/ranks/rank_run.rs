@@ -178,10 +178,10 @@ mod tests {
 
     #[test]
     fn ranks_use_no_gpu_if_the_model_exceeds_the_device_of_one() {
-        let Some(own) = device() else { return };
+        let Some(gpu) = device() else { return };
         let few_buffers = |limits| wgpu::Limits { max_storage_buffers_per_shader_stage: 8, ..limits };
         let small_bindings = |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 12, ..limits };
-        let few = [limited(&own, few_buffers), limited(&own, small_bindings)];
+        let few = [limited(&gpu, few_buffers), limited(&gpu, small_bindings)];
         let backends = |devices: [&GpuDevice; 3]| {
             threads::on(3, |mut thread| {
                 let slice = RankSlice::new(thread.rank(), 3);
@@ -189,9 +189,9 @@ mod tests {
                 agree_on_gpus(&mut thread, run).map(|run| run.map(|run| run.backend()))
             })
         };
-        assert_eq!(backends([&own; 3]), vec![Ok(Some(Backend::Gpu)); 3]);
+        assert_eq!(backends([&gpu; 3]), vec![Ok(Some(Backend::Gpu)); 3]);
         for few in &few {
-            assert_eq!(backends([&own, few, few]), vec![Ok(None); 3]);
+            assert_eq!(backends([&gpu, few, few]), vec![Ok(None); 3]);
         }
     }
 

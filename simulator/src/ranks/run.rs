@@ -117,7 +117,7 @@ impl Run {
         communicator: C,
         detector: Config,
     ) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
-        let own = &self.scenario;
+        let scenario = &self.scenario;
         let path = self.checkpoint_path();
         let slice = RankSlice::new(communicator.rank(), communicator.ranks());
         let is_first = communicator.rank() == 0;
@@ -132,7 +132,7 @@ impl Run {
         let read = read().map_err(|error: Error| communicator.failure(error.to_string()));
         let (records, backend, state) = communicator.agree(read)?;
         let mut simulation =
-            RankSimulation::resume(communicator, own.model.clone(), own.seed, detector, state)?;
+            RankSimulation::resume(communicator, scenario.model.clone(), scenario.seed, detector, state)?;
         if is_first && backend != simulation.backend().name() {
             self.warn_of_backends(simulation.step_count(), &backend, simulation.backend());
         }
@@ -140,8 +140,9 @@ impl Run {
         let reopen = |lock: Lock| {
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
             let step_count = standing.step_count();
-            let run = WrittenRun { model: &own.model, seed: own.seed, records: &records, step_count };
-            Files::reopen(&self.directory, own.output, run, lock)
+            let run =
+                WrittenRun { model: &scenario.model, seed: scenario.seed, records: &records, step_count };
+            Files::reopen(&self.directory, scenario.output, run, lock)
         };
         let files = lock.map(reopen).transpose();
         let files = simulation.agree(files)?;

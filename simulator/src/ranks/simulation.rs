@@ -188,8 +188,8 @@ impl<C: Communicator> RankSimulation<C> {
     }
 
     fn add_up(&mut self) {
-        let own: Vec<u64> = self.run.view().totals().counts().copied().collect();
-        let all = self.communicator.all_reduce_sum(&own);
+        let counts: Vec<u64> = self.run.view().totals().counts().copied().collect();
+        let all = self.communicator.all_reduce_sum(&counts);
         self.totals.counts_mut().zip(all).for_each(|(count, all)| *count = all);
     }
 
@@ -197,8 +197,8 @@ impl<C: Communicator> RankSimulation<C> {
     pub fn gather(&mut self, fields: GatherFields) -> Result<Gathered<'_>, C::Error> {
         self.check_state()?;
         let Self { communicator, run, totals, .. } = self;
-        let own = run.view();
-        let model = own.model();
+        let view = run.view();
+        let model = view.model();
         let mut state = run.without_particles(totals.clone());
         let mut arrivals = Vec::new();
         if model.logs_arrivals {
@@ -208,8 +208,8 @@ impl<C: Communicator> RankSimulation<C> {
                 id,
                 step,
             };
-            let own: Vec<_> = own.arrivals().iter().map(arrived).collect();
-            let all = gather(communicator, "arrivals", &own)?.into_iter();
+            let own_arrivals: Vec<_> = view.arrivals().iter().map(arrived).collect();
+            let all = gather(communicator, "arrivals", &own_arrivals)?.into_iter();
             let origins = &state.origins;
             arrivals.extend(all.map(|Arrived { receiver, species, id, step }| Arrival {
                 receiver,
@@ -223,16 +223,16 @@ impl<C: Communicator> RankSimulation<C> {
         let mut received = Vec::new();
         if fields.received {
             let species = model.species.len();
-            let all = communicator.all_reduce_sum(&own.received().concat());
+            let all = communicator.all_reduce_sum(&view.received().concat());
             received = all.chunks(species.max(1)).map(<[u64]>::to_vec).collect();
             received.resize(model.receivers.len(), Vec::new());
         }
         if fields.particles {
-            let rank_state = agree(communicator, own.state())?;
-            let own: Vec<_> = (0..rank_state.particles.len() as u32)
+            let rank_state = agree(communicator, view.state())?;
+            let rows: Vec<_> = (0..rank_state.particles.len() as u32)
                 .map(|at| rows::row(&rank_state.particles, at))
                 .collect();
-            let all = gather(communicator, "particles", &own)?;
+            let all = gather(communicator, "particles", &rows)?;
             state.particles = rows::particles(&all, model.has_velocity());
             state.bound = gather(communicator, "what is bound", &rank_state.bound)?;
         }

@@ -247,8 +247,8 @@ fn kind(model: &Model, species: u32) -> SpeciesDecays {
         let dissociation = DissociationTime::new(model, species);
         return SpeciesDecays { dissociation, ..SpeciesDecays::default() };
     }
-    let own = |decay: &crate::model::Decay| decay.reactant == species && decay.rate > 0.0;
-    let decays = || model.decays.iter().enumerate().filter(|(_, decay)| own(decay));
+    let is_channel = |decay: &crate::model::Decay| decay.reactant == species && decay.rate > 0.0;
+    let decays = || model.decays.iter().enumerate().filter(|(_, decay)| is_channel(decay));
     let rate: f64 = decays().map(|(_, decay)| decay.rate).sum();
     let probability = -libm::expm1(-rate * model.time_step);
     let mut cumulative_fraction = 0.0;

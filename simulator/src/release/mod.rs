@@ -123,13 +123,13 @@ impl Model {
         }
         let mut out = Released::new(self, released as u32);
         // Frequent releases of few particles fill all ranks equally.
-        let own = slice.range(released - u64::from(next_id), next_id);
-        out.particles.reserve(own.end - own.start, self.has_velocity())?;
+        let range = slice.range(released - u64::from(next_id), next_id);
+        out.particles.reserve(range.end - range.start, self.has_velocity())?;
         let (mut before, mut site) = (0, 0);
         for batch in &batches {
             site = if batch.continues { site } else { batch.site };
             let [first, last] =
-                [own.start, own.end].map(|at| at.saturating_sub(before).min(batch.count.into()) as u32);
+                [range.start, range.end].map(|at| at.saturating_sub(before).min(batch.count.into()) as u32);
             out.released[batch.species as usize] += u64::from(last - first);
             let born = (first..last).map(|nth| {
                 let id = next_id + before as u32 + nth;

@@ -129,9 +129,9 @@ impl Checkpoint {
     pub(crate) fn into_slice(self, path: &Path, slice: RankSlice) -> Result<State, Error> {
         let Self { parts, mut state, .. } = self;
         let wanted = |k: usize| {
-            let own = if k == 0 { state.particles.len() } else { state.bound.len() };
+            let len = if k == 0 { state.particles.len() } else { state.bound.len() };
             let all = parts.iter().map(|part| part.counts()[k]).sum();
-            slice.range(if parts.is_empty() { own as u64 } else { all }, 0)
+            slice.range(if parts.is_empty() { len as u64 } else { all }, 0)
         };
         let wanted = [0, 1].map(wanted);
         if parts.is_empty() {

@@ -243,21 +243,28 @@ impl Run {
         let lock = self.lock()?;
         let checkpoint = Checkpoint::read(&path)?;
         self.check_continues(&path, &checkpoint)?;
-        let (own, backend, records) = (&self.scenario, checkpoint.backend.clone(), checkpoint.files.clone());
+        let (own_scenario, backend, records) =
+            (&self.scenario, checkpoint.backend.clone(), checkpoint.files.clone());
         let state = checkpoint.into_state(&path)?;
         let step_count = state.step;
-        let simulation =
-            AnySimulation::begin(&own.model, own.seed, self.backend, self.algorithm, Some(state))?;
+        let simulation = AnySimulation::begin(
+            &own_scenario.model,
+            own_scenario.seed,
+            self.backend,
+            self.algorithm,
+            Some(state),
+        )?;
         if backend != simulation.backend().name() {
             self.warn_of_backends(step_count, &backend, simulation.backend());
         }
         self.check_disk_space(&simulation, slot)?;
-        if let Some(plots) = self.report.filter(|_| step_count < own.steps) {
+        if let Some(plots) = self.report.filter(|_| step_count < own_scenario.steps) {
             let former = output::refuse_foreign_page(&self.directory)?;
             output::refuse_foreign_files(&self.directory, &former, plots, &output::TABLES)?;
         }
-        let run = WrittenRun { model: &own.model, seed: own.seed, records: &records, step_count };
-        let files = Files::reopen(&self.directory, own.output, run, lock)?;
+        let run =
+            WrittenRun { model: &own_scenario.model, seed: own_scenario.seed, records: &records, step_count };
+        let files = Files::reopen(&self.directory, own_scenario.output, run, lock)?;
         Ok((simulation, files))
     }
 
@@ -280,10 +287,10 @@ impl Run {
     pub(crate) fn check_continues(&self, path: &Path, checkpoint: &Checkpoint) -> Result<(), Error> {
         let Checkpoint { scenario, seed, every, state, .. } = checkpoint;
         let refused = |message: String| Err(Error::Checkpoint { path: path.to_owned(), message });
-        let own = &self.scenario;
-        if !is_same_text(scenario, &own.text) {
+        let own_scenario = &self.scenario;
+        if !is_same_text(scenario, &own_scenario.text) {
             let name = self.path.display();
-            let differs = match difference::first_difference(scenario, &own.text) {
+            let differs = match difference::first_difference(scenario, &own_scenario.text) {
                 Some(what) => format!(": {what}"),
                 None => String::new(),
             };
@@ -291,12 +298,15 @@ impl Run {
                 "it is of another scenario than {name}{differs}; restore the scenario, or start again with --overwrite"
             ));
         }
-        checkpoint.check_flow_field(path, &own.model)?;
-        if *seed != own.seed {
-            return refused(format!("it is of seed {seed} and not {}; give --seed {seed}", own.seed));
+        checkpoint.check_flow_field(path, &own_scenario.model)?;
+        if *seed != own_scenario.seed {
+            return refused(format!(
+                "it is of seed {seed} and not {}; give --seed {seed}",
+                own_scenario.seed
+            ));
         }
-        if *every != intervals(own.output) {
-            let now = intervals(own.output);
+        if *every != intervals(own_scenario.output) {
+            let now = intervals(own_scenario.output);
             let names = ["--series-every", "--frames-every", "--animate-every"];
             let options = names.into_iter().zip(every.iter().zip(now)).filter(|(_, (was, is))| *was != is);
             let said = options.map(|(name, (was, is))| match (was, is, name) {
@@ -308,10 +318,10 @@ impl Run {
             });
             return refused(said.collect::<Vec<_>>().join(", and "));
         }
-        if own.steps < state.step {
+        if own_scenario.steps < state.step {
             return refused(format!(
                 "{} steps are done and the run is to have {} in all; give --steps {} or more",
-                state.step, own.steps, state.step
+                state.step, own_scenario.steps, state.step
             ));
         }
         Ok(())

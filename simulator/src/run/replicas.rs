@@ -264,9 +264,9 @@ fn finished(replica: &Run) -> Result<Option<Vec<FileRecord>>, Error> {
         return Ok(None);
     }
     let Checkpoint { scenario, seed, state, files, .. } = Checkpoint::read(&path)?;
-    let own = &replica.scenario;
-    let is_own = seed == own.seed && is_same_text(&scenario, &own.text);
-    Ok((is_own && state.step >= own.steps).then_some(files))
+    let own_scenario = &replica.scenario;
+    let is_own = seed == own_scenario.seed && is_same_text(&scenario, &own_scenario.text);
+    Ok((is_own && state.step >= own_scenario.steps).then_some(files))
 }
 
 #[cfg(test)]

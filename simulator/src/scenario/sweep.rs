@@ -216,8 +216,8 @@ fn element_names(value: &DeValue<'_>, index: usize, count: usize) -> Vec<String>
     let mut names = vec![index.to_string()];
     match value {
         DeValue::Table(table) => {
-            let own = ["name", "equation", "species"].into_iter().find_map(|key| table.get(key));
-            names.extend(own.and_then(|own| own.get_ref().as_str()).map(str::to_owned));
+            let name = ["name", "equation", "species"].into_iter().find_map(|key| table.get(key));
+            names.extend(name.and_then(|name| name.get_ref().as_str()).map(str::to_owned));
         }
         DeValue::Array(_) => {}
         _ if count == 3 => names.push(["x", "y", "z"][index].to_owned()),

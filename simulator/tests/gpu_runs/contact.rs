@@ -46,7 +46,7 @@ fn distance(a: &Particles, b: &Particles, boundary: &Boundary) -> f32 {
 
 #[test]
 fn collisions_are_those_of_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     for contact in [Contact::Separate, Contact::Elastic] {
         for case in 0..5 {
             let mut model = crowd(contact, 0.25, 0.15, 6);
@@ -62,7 +62,7 @@ fn collisions_are_those_of_the_cpu() {
                 _ => model.boundary = Boundary::default(),
             }
             model.transmitters[0].shape = Shape::Lattice([6.6; 3], [6; 3]);
-            let mut runs = Runs::new(&own, &model, 5);
+            let mut runs = Runs::new(&device, &model, 5);
             let mut met = 0;
             for step in 0..4 {
                 runs.steps(1);
@@ -86,12 +86,12 @@ fn collisions_are_those_of_the_cpu() {
 
 #[test]
 fn points_of_a_burst_collide_with_spheres_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     for contact in [Contact::Separate, Contact::Elastic] {
         let mut model = crowd(contact, 0.3, 0.15, 6);
         model.species[1].radius = 0.0;
         model.transmitters.push(burst(Shape::Point, &[(1, 200)]));
-        let mut runs = Runs::new(&own, &model, 5);
+        let mut runs = Runs::new(&device, &model, 5);
         let mut met = 0;
         for step in 0..3 {
             runs.steps(1);
@@ -108,9 +108,9 @@ fn points_of_a_burst_collide_with_spheres_as_on_the_cpu() {
 
 #[test]
 fn long_steps_keep_energy_and_leave_no_overlap() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let model = crowd(Contact::Elastic, 0.3, 1.0, 5);
-    let mut there = gpu_with(&own, &model, 3, GpuOptions { pair_capacity: 1, ..GpuOptions::default() });
+    let mut there = gpu_with(&device, &model, 3, GpuOptions { pair_capacity: 1, ..GpuOptions::default() });
     let energy = |state: &lazygrid_sim::State| -> f64 {
         let all = &state.particles;
         let square = |at: usize| -> f64 {
@@ -137,12 +137,12 @@ fn long_steps_keep_energy_and_leave_no_overlap() {
 
 #[test]
 fn overlaps_are_separated_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = crowd(Contact::Separate, 0.1, 0.02, 4);
     model.transmitters[0].shape = Shape::Shell(0.0, 0.7);
     for probability in [0.05, 0.0] {
         model.reactions = vec![models::reaction([0, 1], [None, Some(1)], 0.5, probability)];
-        let mut runs = Runs::new(&own, &model, 5);
+        let mut runs = Runs::new(&device, &model, 5);
         runs.steps(1);
         let totals = &runs.cpu.state().totals;
         assert!(totals.contacts > 300 && (totals.reacted[0] > 3) == (probability > 0.0), "{totals:?}");
@@ -156,7 +156,7 @@ fn overlaps_are_separated_as_on_the_cpu() {
 
 #[test]
 fn crowd_is_not_pushed_into_a_body_and_moves_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     for velocity in [0.0, 20.0] {
         let mut model = crowd(Contact::Separate, 0.3, 0.14, 6);
         model.transmitters[0].shape = Shape::Shell(2.6, 3.5);
@@ -170,7 +170,7 @@ fn crowd_is_not_pushed_into_a_body_and_moves_as_on_the_cpu() {
         // Four or more receivers have lists.
         model.receivers = vec![body(2.5, vec![true, true])];
         model.receivers.extend((1..5).map(|k| body(0.2 * k as f32, vec![true, false])));
-        let mut runs = Runs::new(&own, &model, 5);
+        let mut runs = Runs::new(&device, &model, 5);
         let step = |run: &mut GpuSimulation| {
             run.run(1).expect("a step");
             let state = run.state().expect("a state");
@@ -194,17 +194,17 @@ fn crowd_is_not_pushed_into_a_body_and_moves_as_on_the_cpu() {
 
 #[test]
 fn drift_creates_no_overlaps_at_walls_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = crowd(Contact::Separate, 0.15, 0.3, 6);
     let Axis::Periodic { low, high } = model.boundary.axes[0] else { unreachable!() };
     model.boundary = Boundary::reflecting([low; 3], [high; 3]);
     model.transmitters[0].shape = Shape::Lattice([high - low - 1.0; 3], [6; 3]);
     model.species.iter_mut().for_each(|species| species.drift = [-1e-6; 3]);
-    let mut there = gpu(&own, &model, 5);
+    let mut there = gpu(&device, &model, 5);
     there.run(20).expect("steps");
     let overlaps: u64 = there.pairs_by_step().iter().sum();
     assert!(overlaps < 3, "{overlaps}");
-    let mut runs = Runs::new(&own, &model, 5);
+    let mut runs = Runs::new(&device, &model, 5);
     runs.steps(2);
     let far =
         distance(&runs.gpu.state().expect("a state").particles, &runs.cpu.state().particles, &model.boundary);
@@ -213,10 +213,10 @@ fn drift_creates_no_overlaps_at_walls_as_on_the_cpu() {
 
 #[test]
 fn pressure_and_diffusion_match_hard_spheres() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = crowd(Contact::Elastic, 0.3, 0.25, 8);
     model.transmitters[0].release = vec![(0, 512)];
-    let mut there = gpu(&own, &model, 3);
+    let mut there = gpu(&device, &model, 3);
     there.run(16).expect("steps");
     let (mut collisions, steps) = (0, 48);
     for _ in 0..steps {
@@ -236,7 +236,7 @@ fn pressure_and_diffusion_match_hard_spheres() {
     let slowed = |packing: f64| {
         let mut model = crowd(Contact::Separate, packing, 0.3, 6);
         model.transmitters[0].release = vec![(0, 216)];
-        let mut there = gpu(&own, &model, 7);
+        let mut there = gpu(&device, &model, 7);
         there.run(10).expect("steps");
         let mut moved = vec![[0.0_f32; 3]; 216];
         let mut last = there.state().expect("a state").particles;

@@ -13,8 +13,8 @@ fn degrading() -> Model {
         model.receivers.push(receiver(name, [0.0; 3], 0.0, ReceiverKind::Wall(face)));
     }
     for (name, sees) in [("rate", [true, false]), ("absorber", [false, true]), ("low", [true, false])] {
-        let own = model.receivers.iter_mut().find(|receiver| receiver.name == name);
-        own.expect("a receiver").sees = sees.to_vec();
+        let receiver = model.receivers.iter_mut().find(|receiver| receiver.name == name);
+        receiver.expect("a receiver").sees = sees.to_vec();
     }
     model.logs_arrivals = true;
     model
@@ -32,9 +32,9 @@ fn dissociations_before_hits_are_those_of_the_cpu() {
         unbinding: Unbinding::Apart(0.05),
         ..Decay::default()
     });
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     for seed in [73, 74] {
-        let mut runs = Runs::new(&own, &model, seed);
+        let mut runs = Runs::new(&device, &model, seed);
         let logged = compare_arrivals(&mut runs, 4);
         let totals = &runs.cpu.state().totals;
         assert!(totals.decayed[1] > 300, "{totals:?}");
@@ -45,7 +45,7 @@ fn dissociations_before_hits_are_those_of_the_cpu() {
 
 #[test]
 fn particles_that_dissociate_react_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = brownian(false);
     model.time_step = 0.02;
     model.reactions = vec![
@@ -64,7 +64,7 @@ fn particles_that_dissociate_react_as_on_the_cpu() {
     model.decays.extend([decay(2, Some(0), 20.0), decay(2, Some(1), 30.0)]);
     model.species.push(species("C", 1.0, [0.0; 3]));
     model.transmitters.push(burst(Shape::Box([4.0; 3]), &[(2, 2000)]));
-    let mut runs = Runs::new(&own, &model, 75);
+    let mut runs = Runs::new(&device, &model, 75);
     for _ in 0..4 {
         runs.steps(1);
         runs.assert_close(2e-4);
@@ -88,28 +88,28 @@ fn compare_arrivals(runs: &mut Runs, steps: u32) -> Vec<[u64; 2]> {
 
 #[track_caller]
 fn assert_logged(runs: &Runs, logged: Vec<[u64; 2]>) {
-    for ((own, row), logged) in runs.cpu.model().receivers.iter().zip(runs.cpu.received()).zip(logged) {
-        let is_logged = own.kind.absorbs();
-        assert!(!is_logged || row == logged, "{}: {row:?} and {logged:?}", own.name);
+    for ((receiver, row), logged) in runs.cpu.model().receivers.iter().zip(runs.cpu.received()).zip(logged) {
+        let is_logged = receiver.kind.absorbs();
+        assert!(!is_logged || row == logged, "{}: {row:?} and {logged:?}", receiver.name);
     }
 }
 
 #[test]
 fn decays_before_hits_are_those_of_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let reflecting = degrading();
     let mut passing = reflecting.clone();
     passing.receivers.retain(|receiver| !receiver.kind.reflects());
     for (seed, model) in [(71, reflecting), (72, passing)] {
-        let mut runs = Runs::new(&own, &model, seed);
+        let mut runs = Runs::new(&device, &model, seed);
         let logged = compare_arrivals(&mut runs, 5);
         let totals = &runs.cpu.state().totals;
         assert!(totals.decayed.iter().all(|&count| count > 300), "{totals:?}");
         assert_logged(&runs, logged);
-        for (own, row) in model.receivers.iter().zip(runs.cpu.received()) {
-            let may_arrive = own.kind != ReceiverKind::Reflecting;
-            let expected = [0, 1].map(|species| may_arrive && own.sees[species]);
-            assert_eq!(expected, [row[0] > 0, row[1] > 0], "{}: {row:?}", own.name);
+        for (receiver, row) in model.receivers.iter().zip(runs.cpu.received()) {
+            let may_arrive = receiver.kind != ReceiverKind::Reflecting;
+            let expected = [0, 1].map(|species| may_arrive && receiver.sees[species]);
+            assert_eq!(expected, [row[0] > 0, row[1] > 0], "{}: {row:?}", receiver.name);
         }
     }
 }

@@ -75,12 +75,12 @@ fn segments_hold_what_they_hold_on_the_cpu() {
 
 #[test]
 fn segment_receives_no_particle_from_half_a_period_away() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut line = frozen(brownian(false), 1);
     line.boundary.axes[0] = Axis::Periodic { low: 0.0, high: 10.0 };
     line.transmitters.iter_mut().for_each(|transmitter| transmitter.center[0] = 7.0);
     line.receivers = vec![receiver("point", [2.0, 0.0, 0.0], 0.5, ReceiverKind::Absorbing)];
-    let mut runs = Runs::new(&own, &line, 34);
+    let mut runs = Runs::new(&device, &line, 34);
     runs.steps(20);
     runs.assert_close(1e-5);
     assert_eq!(runs.gpu.received(), [[0, 0]]);

@@ -116,13 +116,13 @@ fn vessels_carry_as_on_the_cpu() {
 /// The ends of the pulse are within steps.
 #[test]
 fn pulses_of_flow_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let plug = |velocity| Model { flow: Some(Flow::Plug(velocity)), time_step: 0.004, ..brownian(true) };
     let models = [plug([40.0, 0.0, 0.0]), plug([-0.5, 30.0, 0.0]), in_vessel(1, Axis::Open)];
     for (k, mut model) in models.into_iter().enumerate() {
         let time_step = model.time_step;
         model.flow_pulse = Some([2.25, 5.75].map(|steps| steps * time_step));
-        let mut runs = Runs::new(&own, &model, 31);
+        let mut runs = Runs::new(&device, &model, 31);
         for steps in [5, 4] {
             runs.steps(steps);
             runs.assert_close(2e-4);
@@ -147,7 +147,7 @@ fn with_walls(mut model: Model, faces: &[WallFace]) -> Model {
 
 #[test]
 fn walls_absorb_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let faces = [WallFace::Low(0), WallFace::High(0), WallFace::High(1), WallFace::Low(2)];
     let mut planes = Model { time_step: 0.02, ..with_walls(brownian(true), &faces) };
     planes.species[0].radius = 0.125;
@@ -170,7 +170,7 @@ fn walls_absorb_as_on_the_cpu() {
     let long = Model { time_step: 0.05, ..sphere.clone() };
     let beyond = Model { time_step: 1.5, ..sphere.clone() };
     for (k, model) in [planes, mirrors, cylinder, sphere, long, beyond].into_iter().enumerate() {
-        let mut runs = Runs::new(&own, &model, 32);
+        let mut runs = Runs::new(&device, &model, 32);
         let mut expected = Vec::new();
         for _ in 0..6 {
             runs.cpu.step().expect("a step");
@@ -255,12 +255,12 @@ pub(super) fn dissociating() -> Model {
 }
 
 fn in_portions(
-    own: &GpuDevice,
+    device: &GpuDevice,
     model: &Model,
     options: GpuOptions,
     portions: &[u32],
 ) -> (Vec<Arrival>, GpuSimulation) {
-    let mut run = gpu_with(own, model, 28, options);
+    let mut run = gpu_with(device, model, 28, options);
     let mut arrivals = Vec::new();
     for &steps in portions {
         run.run(steps).expect("steps");
@@ -271,7 +271,7 @@ fn in_portions(
 
 #[test]
 fn dissociations_and_arrivals_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let model = dissociating();
     let mut here = cpu(&model, 28);
     let mut expected = Vec::new();
@@ -289,7 +289,7 @@ fn dissociations_and_arrivals_match_the_cpu() {
         (tight, vec![5, 7]),
         (tight, vec![12]),
     ] {
-        let (arrivals, run) = in_portions(&own, &model, options, &portions);
+        let (arrivals, run) = in_portions(&device, &model, options, &portions);
         let state = run.state().expect("a state");
         assert_close(&state, here.state(), 2e-4);
         assert_eq!(state.origins, here.state().origins, "{options:?}");
@@ -306,9 +306,9 @@ fn dissociating_swimmers_have_the_velocities_of_the_cpu() {
     model.species[2].speed = 20.0;
     let state = compare(&model, 29, 8);
     for particle in by_id(&state) {
-        let own = model.species[particle.species as usize].speed;
+        let expected = model.species[particle.species as usize].speed;
         let found = particle.velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
-        assert!((found - own).abs() < 1e-4, "{found}, not {own}: {particle:?}");
+        assert!((found - expected).abs() < 1e-4, "{found}, not {expected}: {particle:?}");
     }
 }
 
@@ -329,7 +329,7 @@ fn changed_thermal_speeds_match_the_cpu() {
 
 #[test]
 fn dissociation_grows_beyond_the_capacity_for_particles() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = brownian(false);
     model.time_step = 1.0;
     model.species.iter_mut().for_each(|species| species.diffusion = 0.0);
@@ -340,7 +340,7 @@ fn dissociation_grows_beyond_the_capacity_for_particles() {
         rate: 0.7,
         ..Decay::default()
     }];
-    let mut runs = Runs::new(&own, &model, 30);
+    let mut runs = Runs::new(&device, &model, 30);
     runs.steps(5);
     assert!(runs.cpu.state().particles.len() > 8_000);
     runs.assert_close(2e-4);
@@ -348,7 +348,7 @@ fn dissociation_grows_beyond_the_capacity_for_particles() {
 
 #[test]
 fn arrivals_of_exact_runs_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let model = Model { logs_arrivals: true, ..dyadic() };
     let mut here = cpu(&model, 28);
     let mut expected = Vec::new();
@@ -357,7 +357,7 @@ fn arrivals_of_exact_runs_match_the_cpu() {
         expected.extend_from_slice(here.arrivals());
     }
     assert!(expected.len() > 20);
-    let (arrivals, run) = in_portions(&own, &model, GpuOptions::default(), &[9]);
+    let (arrivals, run) = in_portions(&device, &model, GpuOptions::default(), &[9]);
     assert_eq!(arrivals, expected);
     assert_eq!(run.state().expect("a state").origins, here.state().origins);
 }

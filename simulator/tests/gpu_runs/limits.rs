@@ -16,12 +16,12 @@ fn mirrors(center: [f32; 3], count: u32) -> impl Iterator<Item = Receiver> {
 
 #[test]
 fn halts_do_not_depend_on_the_order_of_threads() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = brownian(false);
     model.time_step = 0.01;
     model.receivers = mirrors([1.0, 0.0, 0.0], 21).chain(mirrors([-1.0, 0.0, 0.0], 17)).collect();
     for seed in 0..4 {
-        let mut run = gpu(&own, &model, seed);
+        let mut run = gpu(&device, &model, seed);
         let error = run.run(1).expect_err("too many surfaces");
         let Error::Step { source: lazygrid::Error::LimitExceeded { needed, limit, .. }, .. } = error else {
             panic!("{error}");
@@ -52,14 +52,14 @@ fn halting() -> Model {
 
 #[test]
 fn failed_run_has_the_state_before_the_failed_step() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let dissociating = halting();
     let batches = Model { decays: vec![decay(2, Some(0), 200.0)], ..halting() };
     let still = |species: &Species| Species { speed: 0.0, radius: 0.05, ..species.clone() };
     let mut collisions = Model { contact: Contact::Separate, ..batches.clone() };
     collisions.species = collisions.species.iter().map(still).collect();
     for (k, model) in [dissociating, batches, collisions].into_iter().enumerate() {
-        let [mut failed, mut stopped] = [gpu(&own, &model, 33), gpu(&own, &model, 33)];
+        let [mut failed, mut stopped] = [gpu(&device, &model, 33), gpu(&device, &model, 33)];
         let error = failed.run(9).expect_err("too many surfaces");
         let Error::Step { step: 6, source: lazygrid::Error::LimitExceeded { limit: 16, .. } } = error else {
             panic!("model {k}: {error}");

@@ -34,14 +34,14 @@ fn device() -> Option<GpuDevice> {
 
 #[test]
 fn dyadic_runs_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     for seed in [1, 2] {
         let mut model = dyadic();
         if seed == 2 {
             model.boundary.axes[0] = Axis::Periodic { low: -4.0, high: 4.0 };
             model.boundary.axes[2] = Axis::Periodic { low: -4.0, high: 4.0 };
         }
-        let mut runs = Runs::new(&own, &model, seed);
+        let mut runs = Runs::new(&device, &model, seed);
         let mut pairs = Vec::new();
         for steps in [1, 2, 9] {
             runs.gpu.run(steps).expect("steps");
@@ -70,15 +70,15 @@ fn dyadic_runs_match_the_cpu() {
 
 #[test]
 fn halted_runs_resume_with_the_same_results() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let model = dyadic();
-    let mut roomy = gpu(&own, &model, 3);
+    let mut roomy = gpu(&device, &model, 3);
     roomy.run(10).expect("steps");
     for options in [
         GpuOptions { pair_capacity: 1, ..GpuOptions::default() },
         GpuOptions { rounds: 0, max_iterations: 64, ..GpuOptions::default() },
     ] {
-        let mut tight = gpu_with(&own, &model, 3, options);
+        let mut tight = gpu_with(&device, &model, 3, options);
         tight.run(10).expect("steps");
         assert_eq!(tight.pairs_by_step(), roomy.pairs_by_step());
         assert_eq!(tight.state().expect("a state"), roomy.state().expect("a state"), "{options:?}");
@@ -87,11 +87,11 @@ fn halted_runs_resume_with_the_same_results() {
 
 #[test]
 fn steps_may_be_asked_for_in_any_portions() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let model = brownian(true);
-    let mut at_once = gpu(&own, &model, 4);
+    let mut at_once = gpu(&device, &model, 4);
     at_once.run(12).expect("steps");
-    let mut one_by_one = gpu(&own, &model, 4);
+    let mut one_by_one = gpu(&device, &model, 4);
     (0..12).for_each(|_| one_by_one.run(1).expect("a step"));
     assert_eq!(at_once.state().expect("a state"), one_by_one.state().expect("a state"));
     assert!(at_once.state().expect("a state").particles.id.is_sorted());
@@ -99,14 +99,15 @@ fn steps_may_be_asked_for_in_any_portions() {
 
 #[test]
 fn either_backend_resumes_where_the_other_stopped() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let model = dyadic();
     let mut whole = cpu(&model, 5);
     steps(&mut whole, 9);
     let mut first = cpu(&model, 5);
     steps(&mut first, 3);
     let options = GpuOptions::default();
-    let mut second = GpuSimulation::resume(model.clone(), 5, own, options, first.state()).expect("a state");
+    let mut second =
+        GpuSimulation::resume(model.clone(), 5, device, options, first.state()).expect("a state");
     assert_eq!(second.received(), first.received());
     second.run(3).expect("steps");
     let state = second.state().expect("a state");
@@ -117,9 +118,9 @@ fn either_backend_resumes_where_the_other_stopped() {
 
 #[test]
 fn moves_match_the_cpu_up_to_rounding() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let model = brownian(false);
-    let mut runs = Runs::new(&own, &model, 6);
+    let mut runs = Runs::new(&device, &model, 6);
     runs.steps(3);
     let there = runs.gpu.state().expect("a state");
     for (a, b) in by_id(&there).into_iter().zip(by_id(runs.cpu.state())) {
@@ -130,12 +131,12 @@ fn moves_match_the_cpu_up_to_rounding() {
 
 #[test]
 fn mean_square_displacement() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let n = 50_000_u32;
     let species = vec![species("A", 2.0, [0.0; 3])];
     let burst = Transmitter { center: [1.0, 0.0, 0.0], ..burst(Shape::Point, &[(0, n)]) };
     let model = Model { time_step: 0.01, species, transmitters: vec![burst], ..Model::default() };
-    let mut run = gpu(&own, &model, 7);
+    let mut run = gpu(&device, &model, 7);
     run.run(20).expect("steps");
     let state = run.state().expect("a state");
     let variance = 2.0 * 2.0 * run.time();
@@ -155,7 +156,7 @@ fn mean_square_displacement() {
 
 #[test]
 fn annihilation_has_the_statistics_of_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let model = brownian(true);
     let seeds = 5;
     let counts = |side: u64| -> Vec<f64> {
@@ -165,7 +166,7 @@ fn annihilation_has_the_statistics_of_the_cpu() {
                 steps(&mut run, 30);
                 run.state().totals.reacted[0] as f64
             } else {
-                let mut run = gpu(&own, &model, 200 + seed);
+                let mut run = gpu(&device, &model, 200 + seed);
                 run.run(30).expect("steps");
                 assert_eq!(run.totals().present, [1000 - run.totals().reacted[0]; 2]);
                 run.totals().reacted[0] as f64
@@ -183,7 +184,7 @@ fn annihilation_has_the_statistics_of_the_cpu() {
 
 #[test]
 fn absorbing_receiver() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let n = 50_000_u32;
     let reached = |kind| {
         let model = Model {
@@ -193,7 +194,7 @@ fn absorbing_receiver() {
             receivers: vec![Receiver { sees: vec![true], ..receiver("r", [10.0, 0.0, 0.0], 5.0, kind) }],
             ..Model::default()
         };
-        let mut run = gpu(&own, &model, 8);
+        let mut run = gpu(&device, &model, 8);
         run.run(50).expect("steps");
         assert_eq!(run.totals().present[0] + run.totals().arrived[0][0], u64::from(n));
         run.totals().arrived[0][0] as f64 / f64::from(n)
@@ -207,7 +208,7 @@ fn absorbing_receiver() {
 
 #[test]
 fn many_receivers() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = dyadic();
     let kinds = [ReceiverKind::Absorbing, ReceiverKind::Transparent, ReceiverKind::Endpoint];
     model.receivers.clear();
@@ -217,7 +218,7 @@ fn many_receivers() {
         let kind = kinds[k as usize % 3].clone();
         model.receivers.push(Receiver { sees, ..receiver(&k.to_string(), center, 0.28, kind) });
     }
-    let mut runs = Runs::new(&own, &model, 9);
+    let mut runs = Runs::new(&device, &model, 9);
     runs.steps(9);
     let arrived = runs.cpu.state().totals.arrived.iter().filter(|row| row.iter().sum::<u64>() > 0).count();
     assert!(arrived > 100, "{arrived}");
@@ -226,12 +227,12 @@ fn many_receivers() {
 
 #[test]
 fn overlaps_are_counted_without_capacity_for_them() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = dyadic();
     model.reactions.clear();
     model.contact = Contact::Count;
     model.species.iter_mut().for_each(|species| species.radius = 0.5);
-    let mut runs = Runs::new(&own, &model, 9);
+    let mut runs = Runs::new(&device, &model, 9);
     runs.steps(4);
     assert!(runs.cpu.state().totals.pairs > 1000);
     runs.assert_same();
@@ -239,11 +240,11 @@ fn overlaps_are_counted_without_capacity_for_them() {
 
 #[test]
 fn models_beyond_the_device_are_refused_by_name() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let refused = |change: fn(&mut Model)| {
         let mut model = brownian(true);
         change(&mut model);
-        match GpuSimulation::new(model, 1, own.clone(), GpuOptions::default()) {
+        match GpuSimulation::new(model, 1, device.clone(), GpuOptions::default()) {
             Err(Error::NotOnGpu { what }) => what,
             other => panic!("{other:?}"),
         }
@@ -266,8 +267,8 @@ fn models_beyond_the_device_are_refused_by_name() {
     assert!(message.contains("80000 counts"), "{message}");
     let message = refused(|m| m.receivers = row(13_000, &ReceiverKind::Reflecting));
     assert!(message.contains("26000 counts of a receiver and a species, beyond 25000"), "{message}");
-    assert!(past_receivers(&own, 140).is_none());
-    let drifting = past_receivers(&own, 160).expect("a reason");
+    assert!(past_receivers(&device, 140).is_none());
+    let drifting = past_receivers(&device, 160).expect("a reason");
     assert!(drifting.contains("64160 loop iterations, beyond 59680; use fewer receivers, or"), "{drifting}");
 }
 
@@ -276,13 +277,13 @@ fn row(count: usize, kind: &ReceiverKind) -> Vec<Receiver> {
     (0..count).map(|k| receiver("rx", at(k), 0.25, kind.clone())).collect()
 }
 
-fn past_receivers(own: &GpuDevice, count: usize) -> Option<String> {
+fn past_receivers(device: &GpuDevice, count: usize) -> Option<String> {
     let mut model = brownian(true);
     model.boundary = Boundary::default();
     model.species[1].drift = [9000.0, 0.0, 0.0];
     (model.flow, model.flow_pulse) = (Some(Flow::Plug([-9000.0, 0.0, 0.0])), Some([0.5, 1.0]));
     model.receivers = row(count, &ReceiverKind::Absorbing);
-    match GpuSimulation::new(model, 1, own.clone(), GpuOptions::default()) {
+    match GpuSimulation::new(model, 1, device.clone(), GpuOptions::default()) {
         Err(Error::NotOnGpu { what }) => Some(what),
         other => other.map(|_| None).expect("a model"),
     }
@@ -298,8 +299,8 @@ fn fast_drift(mut model: Model) -> Model {
 
 #[test]
 fn particles_that_leave_the_range_of_numbers_are_an_error() {
-    let Some(own) = device() else { return };
-    let mut run = gpu(&own, &fast_drift(brownian(true)), 1);
+    let Some(device) = device() else { return };
+    let mut run = gpu(&device, &fast_drift(brownian(true)), 1);
     let error = run.run(5).expect_err("an error");
     assert!(matches!(error, Error::NotFinite { step: 1, particles: 1000 }), "{error}");
     assert_eq!(run.state().expect("a state").step, 1);
@@ -307,8 +308,8 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
 
 #[test]
 fn state_beyond_the_range_of_numbers_is_an_error_without_pairs() {
-    let Some(own) = device() else { return };
-    let mut run = gpu(&own, &fast_drift(brownian(false)), 1);
+    let Some(device) = device() else { return };
+    let mut run = gpu(&device, &fast_drift(brownian(false)), 1);
     run.run(5).expect("steps without a detector");
     let error = run.state().expect_err("an error");
     assert!(matches!(error, Error::NotFinite { step: 4, particles: 1000 }), "{error}");
@@ -316,12 +317,13 @@ fn state_beyond_the_range_of_numbers_is_an_error_without_pairs() {
 
 #[test]
 fn a_lost_device_is_said_to_be_lost() {
-    let Some(own) = or_skip(GpuDevice::open(SoftwareAdapter::Allow)) else { return };
-    let mut run = gpu(&own, &brownian(true), 1);
+    let Some(gpu_device) = or_skip(GpuDevice::open(SoftwareAdapter::Allow)) else { return };
+    let mut run = gpu(&gpu_device, &brownian(true), 1);
     run.run(2).expect("steps");
-    own.device.destroy();
+    gpu_device.device.destroy();
     let errors = [run.run(2).expect_err("no device"), run.state().expect_err("no device")];
-    let again = GpuSimulation::new(brownian(true), 1, own, GpuOptions::default()).expect_err("no device");
+    let again =
+        GpuSimulation::new(brownian(true), 1, gpu_device, GpuOptions::default()).expect_err("no device");
     for error in errors.into_iter().chain([again]) {
         assert!(error.to_string().contains("the device was lost"), "{error}");
     }

@@ -109,7 +109,7 @@ fn cells(time_step: f64) -> Model {
 /// Long steps begin with the state of the CPU, since reflections off spheres amplify rounding.
 #[test]
 fn spheres_hold_back_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let periodic = Boundary::periodic([-2.0; 3], [2.0; 3]);
     for (seed, boundary) in (91..).zip([brownian(false).boundary, periodic, Boundary::default()]) {
         let model = Model { boundary, ..cells(0.005) };
@@ -121,7 +121,7 @@ fn spheres_hold_back_as_on_the_cpu() {
         let mut here = cpu(&model, seed);
         for _ in 0..4 {
             let options = GpuOptions::default();
-            let there = GpuSimulation::resume(model.clone(), seed, own.clone(), options, here.state());
+            let there = GpuSimulation::resume(model.clone(), seed, device.clone(), options, here.state());
             let mut there = there.expect("a state");
             there.run(1).expect("a step");
             here.step().expect("a step");
@@ -189,14 +189,14 @@ fn ids(state: &State, is_there: impl Fn([f32; 3]) -> bool) -> Vec<u32> {
 
 #[test]
 fn closed_membranes_let_none_through() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let (center, radius) = ([0.5, -0.25, 0.125], 0.75);
     let is_inside = |p: [f32; 3]| {
         let d: [f64; 3] = std::array::from_fn(|k| f64::from(p[k]) - f64::from(center[k]));
         d.map(|c| c * c).iter().sum::<f64>().sqrt() < f64::from(radius)
     };
     let run = |model: &Model| {
-        let mut run = gpu(&own, model, 87);
+        let mut run = gpu(&device, model, 87);
         run.run(1).expect("a step");
         let before = run.state().expect("a state");
         run.run(300).expect("steps");

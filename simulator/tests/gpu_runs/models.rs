@@ -110,12 +110,12 @@ pub(crate) fn cpu(model: &Model, seed: u64) -> Simulation {
     Simulation::new(model.clone(), seed, Algorithm::Auto).expect("a model")
 }
 
-pub(crate) fn gpu(own: &GpuDevice, model: &Model, seed: u64) -> GpuSimulation {
-    gpu_with(own, model, seed, GpuOptions::default())
+pub(crate) fn gpu(device: &GpuDevice, model: &Model, seed: u64) -> GpuSimulation {
+    gpu_with(device, model, seed, GpuOptions::default())
 }
 
-pub(crate) fn gpu_with(own: &GpuDevice, model: &Model, seed: u64, options: GpuOptions) -> GpuSimulation {
-    GpuSimulation::new(model.clone(), seed, own.clone(), options).expect("a model")
+pub(crate) fn gpu_with(device: &GpuDevice, model: &Model, seed: u64, options: GpuOptions) -> GpuSimulation {
+    GpuSimulation::new(model.clone(), seed, device.clone(), options).expect("a model")
 }
 
 pub(crate) fn steps(run: &mut Simulation, count: u32) {
@@ -128,8 +128,8 @@ pub(crate) struct Runs {
 }
 
 impl Runs {
-    pub(crate) fn new(own: &GpuDevice, model: &Model, seed: u64) -> Self {
-        Self { gpu: gpu(own, model, seed), cpu: cpu(model, seed) }
+    pub(crate) fn new(device: &GpuDevice, model: &Model, seed: u64) -> Self {
+        Self { gpu: gpu(device, model, seed), cpu: cpu(model, seed) }
     }
 
     pub(crate) fn steps(&mut self, count: u32) {

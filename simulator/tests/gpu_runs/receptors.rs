@@ -62,17 +62,17 @@ fn bound_particles_diffuse_as_on_the_cpu() {
 
 #[test]
 fn either_side_continues_with_receptor_types() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = competing();
     model.receivers[4].surface_diffusion = 0.5;
     let mut whole = cpu(&model, 67);
     steps(&mut whole, 9);
-    let mut first = gpu(&own, &model, 67);
+    let mut first = gpu(&device, &model, 67);
     first.run(3).expect("steps");
     let state = first.state().expect("a state");
     let mut second = Simulation::resume(model.clone(), 67, Algorithm::Auto, state).expect("a state");
     steps(&mut second, 3);
-    let resumed = GpuSimulation::resume(model, 67, own, GpuOptions::default(), second.state());
+    let resumed = GpuSimulation::resume(model, 67, device, GpuOptions::default(), second.state());
     let mut third = resumed.expect("a state");
     third.run(3).expect("steps");
     assert_close(&third.state().expect("a state"), whole.state(), 2e-4);
@@ -81,14 +81,14 @@ fn either_side_continues_with_receptor_types() {
 /// A part q/(1 + q) of n receptors is occupied, with q = a·kb/(ku·V) and a free particles in the volume V.
 #[test]
 fn types_are_in_equilibrium() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = brownian(false);
     (model.time_step, model.species[1].drift) = (0.01, [0.0; 3]);
     let kinds = [(300, 0.2, 2.0), (900, 0.1, 2.0)];
     let types = kinds.map(|(count, binding, unbinding)| ReceptorType::new(count, binding, unbinding, [0, 1]));
     model.receivers = vec![receiver("cell", [0.0; 3], 1.0, ReceiverKind::Receptors(types.to_vec()))];
     model.receivers[0].surface_diffusion = 0.5;
-    let mut run = gpu(&own, &model, 68);
+    let mut run = gpu(&device, &model, 68);
     run.run(100).expect("steps");
     let (mut bound, mut sum, mut count) = ([0.0; 2], [0.0; 3], 0.0);
     let samples = 40;

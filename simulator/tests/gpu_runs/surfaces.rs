@@ -36,8 +36,8 @@ fn bodies() -> Model {
 }
 
 pub(super) fn compare(model: &Model, seed: u64, steps: u32) -> State {
-    let Some(own) = device() else { return State::default() };
-    let mut runs = Runs::new(&own, model, seed);
+    let Some(device) = device() else { return State::default() };
+    let mut runs = Runs::new(&device, model, seed);
     for _ in 0..steps {
         runs.steps(1);
         runs.assert_close(2e-4);
@@ -47,13 +47,13 @@ pub(super) fn compare(model: &Model, seed: u64, steps: u32) -> State {
 
 #[test]
 fn arrivals_since_the_release_are_those_of_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 4e4)] };
     let steady = |center| Transmitter { center, schedule: schedule.clone(), ..burst(Shape::Point, &[]) };
     let mut model = bodies();
     model.transmitters = vec![steady([0.85, 1.25, 1.25]), steady([0.0, 0.0, 0.8])];
     model.logs_arrivals = true;
-    let mut runs = Runs::new(&own, &model, 5);
+    let mut runs = Runs::new(&device, &model, 5);
     runs.steps(1);
     assert!(runs.cpu.arrivals().len() > 20, "{} arrivals", runs.cpu.arrivals().len());
     assert_eq!(runs.gpu.arrivals(), runs.cpu.arrivals());
@@ -79,14 +79,14 @@ fn surfaces_act_as_on_the_cpu() {
 
 #[test]
 fn transmitters_go_where_they_go_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = bodies();
     model.transmitters[0].schedule = Schedule::Times((0..8).map(|k| 0.005 * f64::from(k)).collect());
     model.transmitters[0].release[0].1 = 100;
     model.transmitters[0].carrier = Some(7);
     let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(1, 20_000.0)] };
     model.transmitters.push(Transmitter { schedule, carrier: Some(6), ..burst(Shape::Point, &[]) });
-    let mut runs = Runs::new(&own, &model, 14);
+    let mut runs = Runs::new(&device, &model, 14);
     runs.steps(8);
     runs.assert_close(2e-4);
     assert!(runs.cpu.state().totals.released[1] > 1500);
@@ -94,11 +94,11 @@ fn transmitters_go_where_they_go_on_the_cpu() {
 
 #[test]
 fn bodies_go_where_they_go_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = bodies();
     model.boundary.axes[0] = Axis::Periodic { low: -2.0, high: 2.0 };
     let state = compare(&model, 12, 8);
-    let mut at_once = gpu(&own, &model, 12);
+    let mut at_once = gpu(&device, &model, 12);
     at_once.run(8).expect("steps");
     assert_close(&at_once.state().expect("a state"), &state, 2e-4);
     let mut model = bodies();
@@ -126,12 +126,12 @@ fn crowd_of_receivers(boundary: Boundary, speed: f64) -> Model {
 
 #[test]
 fn listed_receivers_act_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let periodic = Boundary::periodic([-2.0; 3], [2.0; 3]);
     for boundary in [Boundary::default(), Boundary::reflecting([-2.0; 3], [2.0; 3]), periodic] {
         for speed in [0.0, 2.0] {
             let model = crowd_of_receivers(boundary, speed);
-            let mut runs = Runs::new(&own, &model, 18);
+            let mut runs = Runs::new(&device, &model, 18);
             runs.steps(6);
             runs.assert_close(2e-4);
             let met = runs.cpu.state().totals.arrived.iter().filter(|row| row.iter().any(|&n| n > 0)).count();
@@ -140,7 +140,7 @@ fn listed_receivers_act_as_on_the_cpu() {
     }
     let mut model = crowd_of_receivers(periodic, 2.0);
     model.receivers.retain(|receiver| !receiver.kind.reflects());
-    let mut runs = Runs::new(&own, &model, 19);
+    let mut runs = Runs::new(&device, &model, 19);
     runs.steps(6);
     runs.assert_close(2e-4);
 }
@@ -181,11 +181,11 @@ fn throwing() -> Model {
 
 #[test]
 fn receivers_in_the_path_of_a_pushed_particle_are_found() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     for (center, velocity) in [([-2.502, 2.224, 0.0], [0.0; 3]), ([-2.6, 2.4, 0.0], [40.0, -40.0, 0.0])] {
         let mut model = throwing();
         (model.receivers[2].center, model.receivers[2].velocity) = (center, velocity);
-        let mut runs = Runs::new(&own, &model, 17);
+        let mut runs = Runs::new(&device, &model, 17);
         runs.steps(1);
         runs.assert_close(1e-5);
         // Without the third receiver: (-2.345, 2.095).
@@ -197,11 +197,11 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
 /// With so large a number of receivers a particle searches once.
 #[test]
 fn a_push_beyond_the_receiver_search_is_an_error() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = throwing();
     let far = |k: u32| receiver("mirror", [100.0 + k as f32, 0.0, 0.0], 0.25, ReceiverKind::Reflecting);
     model.receivers.extend((0..24_000).map(|k| Receiver { sees: vec![true], ..far(k) }));
-    let mut run = gpu(&own, &model, 17);
+    let mut run = gpu(&device, &model, 17);
     let error = run.run(1).expect_err("an error").to_string();
     assert!(error.contains("searches for moving surfaces"), "{error}");
     assert_eq!(run.state().expect("a state").step, 0);
@@ -209,7 +209,7 @@ fn a_push_beyond_the_receiver_search_is_an_error() {
 
 #[test]
 fn few_receptors_go_to_the_lowest_ranks() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let kind = ReceiverKind::Receptors(vec![ReceptorType::new(700, 1e4, 20.0, [0])]);
     let model = Model {
         receivers: vec![
@@ -222,7 +222,7 @@ fn few_receptors_go_to_the_lowest_ranks() {
         boundary: Boundary::reflecting([-0.5; 3], [0.5; 3]),
         ..Model::default()
     };
-    let mut runs = Runs::new(&own, &model, 15);
+    let mut runs = Runs::new(&device, &model, 15);
     for _ in 0..4 {
         runs.steps(1);
         let (a, b) = (runs.gpu.state().expect("a state"), runs.cpu.state());
@@ -239,7 +239,7 @@ fn few_receptors_go_to_the_lowest_ranks() {
 
 #[test]
 fn either_side_continues_with_bound_particles() {
-    let Some(own) = device() else { return };
+    let Some(first_device) = device() else { return };
     let model = bodies();
     let mut whole = cpu(&model, 16);
     steps(&mut whole, 9);
@@ -247,7 +247,8 @@ fn either_side_continues_with_bound_particles() {
     steps(&mut first, 3);
     assert!(!first.state().bound.is_empty());
     let mut second =
-        GpuSimulation::resume(model.clone(), 16, own, GpuOptions::default(), first.state()).expect("a state");
+        GpuSimulation::resume(model.clone(), 16, first_device, GpuOptions::default(), first.state())
+            .expect("a state");
     assert_close(&second.state().expect("a state"), first.state(), 0.0);
     assert_eq!(second.received(), first.received());
     second.run(3).expect("steps");
@@ -256,20 +257,20 @@ fn either_side_continues_with_bound_particles() {
     steps(&mut third, 3);
     assert_close(third.state(), whole.state(), 2e-4);
     let other = Model { receivers: model.receivers[..1].to_vec(), ..model };
-    let device = device().expect("a device");
-    let refused = GpuSimulation::resume(other, 16, device, GpuOptions::default(), first.state());
+    let second_device = device().expect("a device");
+    let refused = GpuSimulation::resume(other, 16, second_device, GpuOptions::default(), first.state());
     assert!(matches!(refused, Err(Error::Model(_))));
 }
 
 #[test]
 fn steps_that_reach_too_many_surfaces_are_an_error() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = brownian(false);
     model.time_step = 1.0;
     let center = |k: u32| [k % 5, k / 5 % 5, 0].map(|c| 0.25 * c as f32 - 0.5);
     model.receivers =
         (0..25).map(|k| receiver("mirror", center(k), 0.0625, ReceiverKind::Reflecting)).collect();
-    let mut run = gpu(&own, &model, 1);
+    let mut run = gpu(&device, &model, 1);
     let error = run.run(3).expect_err("an error").to_string();
     assert!(error.contains("surfaces within reach of a particle's step"), "{error}");
     assert_eq!(run.state().expect("a state").step, 0);

@@ -26,7 +26,7 @@ fn following(profile: AttractantProfile, sensitivity: f64, half_saturation: Opti
 
 #[test]
 fn swimmers_follow_attractants_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     // One molecule per µm³ is 1e18 per m³, whose square exceeds single precision.
     let linear = AttractantProfile::Linear { level: 2e18, gradient: [1e18, 0.0, -2e18] };
     let gaussian = AttractantProfile::Gaussian { peak: 3.0, width: 1.5 };
@@ -50,7 +50,7 @@ fn swimmers_follow_attractants_as_on_the_cpu() {
         let mut indifferent = cpu(&other, 41);
         steps(&mut indifferent, 8);
         assert_ne!(indifferent.state().particles, state.particles, "model {k}");
-        let mut at_once = gpu(&own, &model, 41);
+        let mut at_once = gpu(&device, &model, 41);
         at_once.run(8).expect("steps");
         assert_close(&at_once.state().expect("a state"), &state, 2e-4);
     }
@@ -135,10 +135,10 @@ fn flow_fields_carry_as_on_the_cpu() {
 
 #[test]
 fn pulses_of_flow_fields_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = Model { flow: field([4, 4, 4], 30.0), time_step: 0.004, ..brownian(true) };
     model.flow_pulse = Some([2.25, 5.75].map(|steps| steps * model.time_step));
-    let mut runs = Runs::new(&own, &model, 59);
+    let mut runs = Runs::new(&device, &model, 59);
     for steps in [5, 4] {
         runs.steps(steps);
         runs.assert_close(2e-4);

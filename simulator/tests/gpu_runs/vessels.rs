@@ -5,7 +5,7 @@ use super::models::{burst, gpu, species};
 
 #[test]
 fn drift_to_the_end_of_a_cylinder_has_the_exponential_layer() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let (n, speed, diffusion, length) = (20_000_u32, 100.0, 100.0, 200.0);
     let burst = Transmitter { center: [0.0, 0.0, length - 1.0], ..burst(Shape::Point, &[(0, n)]) };
     let axes = [Axis::Open, Axis::Open, Axis::Reflecting { low: 0.0, high: length }];
@@ -18,7 +18,7 @@ fn drift_to_the_end_of_a_cylinder_has_the_exponential_layer() {
         boundary: Boundary { axes, vessel },
         ..Model::default()
     };
-    let mut run = gpu(&own, &model, 33);
+    let mut run = gpu(&device, &model, 33);
     run.run(40).expect("steps");
     let state = run.state().expect("a state");
     let heights = state.particles.position[2].iter().map(|&z| f64::from(length - z));

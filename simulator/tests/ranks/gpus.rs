@@ -70,8 +70,8 @@ fn membrane() -> Model {
     model
 }
 
-fn alone_on_gpu(own: &GpuDevice, model: &Model, seed: u64, batches: &[u32]) -> Vec<Seen> {
-    let mut run = GpuSimulation::new(model.clone(), seed, own.clone(), GpuOptions::default()).unwrap();
+fn alone_on_gpu(device: &GpuDevice, model: &Model, seed: u64, batches: &[u32]) -> Vec<Seen> {
+    let mut run = GpuSimulation::new(model.clone(), seed, device.clone(), GpuOptions::default()).unwrap();
     let look = |run: &GpuSimulation| seen(run.state().unwrap(), run.received(), run.arrivals());
     let mut all = vec![look(&run)];
     for &steps in batches {
@@ -107,15 +107,15 @@ fn over_gpus(ranks: u32, model: &Model, seed: u64, batches: &[u32]) -> Vec<Seen>
     of_ranks.swap_remove(0)
 }
 
-fn compare(own: &GpuDevice, model: &Model, seed: u64) -> Seen {
-    let last = compare_gpus(own, model, seed, &[1, 4, 15, 10]);
+fn compare(device: &GpuDevice, model: &Model, seed: u64) -> Seen {
+    let last = compare_gpus(device, model, seed, &[1, 4, 15, 10]);
     let on_cpu = alone(model, seed, 30).pop().unwrap();
     assert_eq!((&last.state.totals, last.state.next_id), (&on_cpu.state.totals, on_cpu.state.next_id));
     last
 }
 
-fn compare_gpus(own: &GpuDevice, model: &Model, seed: u64, batches: &[u32]) -> Seen {
-    let expected = alone_on_gpu(own, model, seed, batches);
+fn compare_gpus(device: &GpuDevice, model: &Model, seed: u64, batches: &[u32]) -> Seen {
+    let expected = alone_on_gpu(device, model, seed, batches);
     for ranks in [1, 2, 3] {
         let found = over_gpus(ranks, model, seed, batches);
         for (batch, (found, expected)) in found.iter().zip(&expected).enumerate() {
@@ -129,8 +129,8 @@ fn compare_gpus(own: &GpuDevice, model: &Model, seed: u64, batches: &[u32]) -> S
 
 #[test]
 fn ranks_on_gpus_equal_one_gpu() {
-    let Some(own) = device() else { return };
-    let last = compare(&own, &independent(), 3);
+    let Some(device) = device() else { return };
+    let last = compare(&device, &independent(), 3);
     let totals = &last.state.totals;
     assert!(totals.decayed.iter().all(|&count| count > 10), "{totals:?}");
     assert!(totals.arrived[1..].iter().flatten().sum::<u64>() > 100, "{totals:?}");
@@ -141,25 +141,25 @@ fn ranks_on_gpus_equal_one_gpu() {
 
 #[test]
 fn walls_flow_and_membranes_on_the_gpus_of_ranks_equal_one_gpu() {
-    let Some(own) = device() else { return };
-    let totals = compare(&own, &walls(), 4).state.totals;
+    let Some(device) = device() else { return };
+    let totals = compare(&device, &walls(), 4).state.totals;
     assert!(totals.arrived.last().unwrap()[0] > 0, "{totals:?}");
-    let totals = compare(&own, &membrane(), 5).state.totals;
+    let totals = compare(&device, &membrane(), 5).state.totals;
     assert!(totals.arrived.last().unwrap().iter().sum::<u64>() > 0, "{totals:?}");
     let flow = Some(Flow::Plug([0.5, 0.0, 0.0]));
-    compare(&own, &Model { flow, logs_arrivals: false, ..independent() }, 6);
+    compare(&device, &Model { flow, logs_arrivals: false, ..independent() }, 6);
 }
 
 #[test]
 fn dissociations_on_the_gpus_of_ranks_equal_one_gpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = Model { decays: model(&everything()).decays, ..independent() };
     model.decays[3].rate = 4.0;
     let half = Decay { reactant: 0, products: [Some(1), Some(1)], rate: 1.0, ..Decay::default() };
     model.decays.push(half);
     for logs_arrivals in [true, false] {
         let model = Model { logs_arrivals, ..model.clone() };
-        let last = compare(&own, &model, 9);
+        let last = compare(&device, &model, 9);
         let totals = &last.state.totals;
         assert!(totals.decayed[2..].iter().all(|&count| count > 20), "{totals:?}");
         assert!(u64::from(last.state.next_id) > totals.released.iter().sum::<u64>() + 40, "{totals:?}");
@@ -169,14 +169,14 @@ fn dissociations_on_the_gpus_of_ranks_equal_one_gpu() {
 /// Most requests are refused: the types have 3 and 2 receptors.
 #[test]
 fn receptors_on_the_gpus_of_ranks_equal_one_gpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let receivers = model(&ModelFeatures { receivers: [1, 2, 2], ..everything() }).receivers;
     let mut model = Model { receivers, ..independent() };
     let centers = [[5.0, 5.0, 7.9], [2.2, 1.0, 1.0]];
     for (receiver, center) in model.receivers[1..].iter_mut().zip(centers) {
         receiver.center = center;
     }
-    let last = compare(&own, &model, 10);
+    let last = compare(&device, &model, 10);
     let totals = &last.state.totals;
     assert!(totals.occupied.iter().sum::<u64>() > 3 && last.state.bound.len() > 3, "{totals:?}");
     for receiver in &mut model.receivers {
@@ -184,13 +184,13 @@ fn receptors_on_the_gpus_of_ranks_equal_one_gpu() {
             kinds.iter_mut().for_each(|kind| kind.count *= 1000);
         }
     }
-    assert!(compare(&own, &model, 11).state.bound.len() > 20);
+    assert!(compare(&device, &model, 11).state.bound.len() > 20);
 }
 
 /// On 1 and 2 ranks, the second products of a step exceed the initial capacity of 4096.
 #[test]
 fn steps_repeated_with_more_capacity_equal_one_gpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = independent();
     let receptors = vec![ReceptorType::new(20, 500.0, 3.0, [0, 1])];
     model.receivers = vec![Receiver {
@@ -204,25 +204,25 @@ fn steps_repeated_with_more_capacity_equal_one_gpu() {
     model.decays.push(Decay { reactant: 2, products: [Some(0), Some(1)], rate: 60.0, ..Decay::default() });
     let shell = Transmitter { release: vec![(2, 20_000)], ..model.transmitters[0].clone() };
     model.transmitters = vec![Transmitter { shape: Shape::Shell(0.6, 2.0), ..shell }];
-    let state = compare_gpus(&own, &model, 12, &[1, 4]).state;
+    let state = compare_gpus(&device, &model, 12, &[1, 4]).state;
     assert!(state.totals.decayed[2] > 10_000 && state.bound.len() == 20, "{:?}", state.totals);
 }
 
 #[test]
 fn velocities_on_the_gpus_of_ranks_equal_one_gpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let mut model = independent();
     model.receivers.truncate(1);
     model.species[3].thermal_speed = 2.0;
-    let particles = compare(&own, &model, 8).state.particles;
+    let particles = compare(&device, &model, 8).state.particles;
     assert!(particles.velocity[0].iter().any(|&v| v != 0.0));
 }
 
 #[test]
 fn ranks_without_particles_on_gpus_equal_one_gpu() {
-    let Some(own) = device() else { return };
+    let Some(device) = device() else { return };
     let few = Transmitter { release: vec![(0, 2)], ..Transmitter::default() };
-    compare(&own, &Model { transmitters: vec![few], ..independent() }, 7);
+    compare(&device, &Model { transmitters: vec![few], ..independent() }, 7);
 }
 
 #[test]
@@ -246,8 +246,8 @@ fn particles_that_react_touch_or_lack_a_gpu_move_on_the_cpu() {
 
 fn backends(model: &Model, detector: impl Fn(u32) -> Config + Sync) -> Vec<Backend> {
     threads::on(2, |thread| {
-        let own = detector(thread.rank());
-        let mut run = RankSimulation::new(thread, model.clone(), 1, own).unwrap();
+        let config = detector(thread.rank());
+        let mut run = RankSimulation::new(thread, model.clone(), 1, config).unwrap();
         run.step().unwrap();
         run.backend()
     })

@@ -16,7 +16,7 @@ impl GpuSimulation {
             return Ok(Vec::new());
         }
         let sources = [(self.steps.buffer("events"), EVENT_BYTES * u64::from(count))];
-        let read = read(&self.buffers.own, self.encoder(), &sources)?;
+        let read = read(&self.buffers.gpu, self.encoder(), &sources)?;
         let mut entries: Vec<Entry> = bytemuck::pod_collect_to_vec(&read[0]);
         entries.sort_unstable_by_key(|&[step, receiver, rank, id]| {
             let is_birth = receiver == NOTHING;

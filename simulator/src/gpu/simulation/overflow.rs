@@ -133,8 +133,8 @@ impl GpuSimulation {
         self.rebuild(sizes)?;
         let at = std::mem::offset_of!(ControlHeader, halted) as u64;
         let control = self.buffers.buffer("control");
-        with_error_scope(&self.buffers.own, "resuming", 0, || {
-            self.buffers.own.queue.write_buffer(control, at, &[0; 4])
+        with_error_scope(&self.buffers.gpu, "resuming", 0, || {
+            self.buffers.gpu.queue.write_buffer(control, at, &[0; 4])
         })
     }
 
@@ -154,8 +154,8 @@ impl GpuSimulation {
         let at = std::mem::offset_of!(ControlHeader, capacity) as u64;
         let control = self.buffers.buffer("control");
         let words = [particles, births, events, self.steps.sizes.speed_factor().to_bits()];
-        with_error_scope(&self.buffers.own, "capacities", 0, || {
-            self.buffers.own.queue.write_buffer(control, at, bytemuck::cast_slice(&words));
+        with_error_scope(&self.buffers.gpu, "capacities", 0, || {
+            self.buffers.gpu.queue.write_buffer(control, at, bytemuck::cast_slice(&words));
         })
     }
 
@@ -178,8 +178,8 @@ impl GpuSimulation {
                 encoder.copy_buffer_to_buffer(self.steps.buffer(name), from, steps.buffer(name), to, bytes);
             }
         }
-        with_error_scope(&self.buffers.own, "new sizes", 0, || {
-            self.buffers.own.queue.submit([encoder.finish()])
+        with_error_scope(&self.buffers.gpu, "new sizes", 0, || {
+            self.buffers.gpu.queue.submit([encoder.finish()])
         })?;
         self.steps = steps;
         self.upload_capacities()

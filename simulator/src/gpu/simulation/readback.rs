@@ -26,7 +26,7 @@ impl GpuSimulation {
             (self.buffers.buffer("inside"), 4 * tallies as u64),
             (self.buffers.buffer("log"), 8 * u64::from(LOG_ROWS)),
         ];
-        let read = read(&self.buffers.own, encoder, &sources)?;
+        let read = read(&self.buffers.gpu, encoder, &sources)?;
         let head: ControlHeader = bytemuck::pod_read_unaligned(&read[0][..head_bytes]);
         let counts = bytemuck::pod_collect_to_vec(&read[0][head_bytes + 4 * tallies..]);
         let inside = bytemuck::pod_collect_to_vec(&read[1]);
@@ -77,8 +77,8 @@ impl GpuSimulation {
         let control = self.buffers.buffer("control");
         let tallies = self.tables.tallies.len();
         let zeros = vec![0u32; tallies];
-        let queue = &self.buffers.own.queue;
-        with_error_scope(&self.buffers.own, "counts", 0, || {
+        let queue = &self.buffers.gpu.queue;
+        with_error_scope(&self.buffers.gpu, "counts", 0, || {
             queue.write_buffer(control, std::mem::offset_of!(ControlHeader, logged) as u64, &[0; 4]);
             queue.write_buffer(
                 control,

@@ -37,9 +37,9 @@ impl GpuSimulation {
         if self.model.has_velocity() {
             spheres.extend(velocities(particles));
         }
-        let burst = filled(&self.buffers.own, "burst", &[count, 0, 0, 0])?;
-        let spheres = filled(&self.buffers.own, "burst_spheres", &spheres)?;
-        let tags = filled(&self.buffers.own, "burst_tags", &tags)?;
+        let burst = filled(&self.buffers.gpu, "burst", &[count, 0, 0, 0])?;
+        let spheres = filled(&self.buffers.gpu, "burst_spheres", &spheres)?;
+        let tags = filled(&self.buffers.gpu, "burst_tags", &tags)?;
         let (steps, control) = (&self.steps, self.buffers.buffer("control").clone());
         self.buffers.stage(&k::BURST_APPEND, Groups::Items(count), |name| match name {
             "burst" => burst.clone(),

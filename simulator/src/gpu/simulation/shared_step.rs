@@ -66,11 +66,11 @@ impl GpuSimulation {
         if born == 0 {
             return Ok((Vec::new(), Vec::new()));
         }
-        let own = &self.buffers.own;
-        let copy = buffer(own, "born_tags", 8 * born)?;
+        let gpu = &self.buffers.gpu;
+        let copy = buffer(gpu, "born_tags", 8 * born)?;
         let mut encoder = self.encoder();
         encoder.copy_buffer_to_buffer(self.steps.buffer("tags"), 8 * at, &copy, 0, 8 * born);
-        let read = read(own, encoder, &[(&copy, 8 * born), (self.steps.buffer("born_keys0"), 8 * born)])?;
+        let read = read(gpu, encoder, &[(&copy, 8 * born), (self.steps.buffer("born_keys0"), 8 * born)])?;
         let keys: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
         Ok((keys.iter().map(|key| key[0]).collect(), bytemuck::pod_collect_to_vec(&read[0])))
     }
@@ -80,18 +80,18 @@ impl GpuSimulation {
     /// # Errors
     /// [`Error::OutOfIds`], and [`Error::Detection`] if the device fails.
     pub(crate) fn conclude_shared_step(&mut self, step: SharedStep, parents: &[u32]) -> Result<(), Error> {
-        let SharedStep { parents: own, read, bursts, mut tags } = step;
+        let SharedStep { parents: own_parents, read, bursts, mut tags } = step;
         let released = u64::from(self.next_id) + parents.len() as u64;
         if released > lazygrid::MAX_SPHERES {
             return Err(Error::OutOfIds { released });
         }
-        for (tag, parent) in tags.iter_mut().zip(own) {
+        for (tag, parent) in tags.iter_mut().zip(own_parents) {
             tag[1] = self.next_id + parents.partition_point(|&other| other < parent) as u32;
         }
         if !tags.is_empty() {
             let at = 8 * u64::from(read.head.born_at);
-            let queue = &self.buffers.own.queue;
-            with_error_scope(&self.buffers.own, "ids", 0, || {
+            let queue = &self.buffers.gpu.queue;
+            with_error_scope(&self.buffers.gpu, "ids", 0, || {
                 queue.write_buffer(self.steps.buffer("tags"), at, bytemuck::cast_slice(&tags));
             })?;
         }

@@ -24,11 +24,11 @@ fn burst(radius: f32) -> Model {
 /// A radius of 10⁻³⁰ µm collides as a point, and shows the candidates without a table of species.
 #[test]
 fn points_at_one_position_are_no_candidates_of_each_other() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let capacity = 1 << 13;
     let run = |radius: f32| {
         let options = GpuOptions { pair_capacity: capacity, ..GpuOptions::default() };
-        let mut simulation = GpuSimulation::new(burst(radius), 3, own.clone(), options).expect("a model");
+        let mut simulation = GpuSimulation::new(burst(radius), 3, gpu.clone(), options).expect("a model");
         simulation.run(3).expect("steps");
         let particles = simulation.state().expect("a state").particles;
         (simulation.steps.sizes.near, (simulation.totals.contacts, particles.id, particles.position))

@@ -22,7 +22,7 @@ impl GpuSimulation {
         let half = 16 * u64::from(sizes.particles);
         let spheres = if sizes.has_velocity { half + 16 * n } else { 16 * n };
         let sources = [(self.steps.buffer("spheres"), spheres), (self.steps.buffer("tags"), 8 * n)];
-        let read = read(&self.buffers.own, self.encoder(), &sources)?;
+        let read = read(&self.buffers.gpu, self.encoder(), &sources)?;
         let spheres: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&read[0][..16 * n as usize]);
         let velocities: Vec<[f32; 4]> = match sizes.has_velocity {
             true => bytemuck::pod_collect_to_vec(&read[0][half as usize..]),
@@ -94,8 +94,8 @@ impl GpuSimulation {
             spheres.push([x, y, z, BOUND_RADIUS - self.ligands[at].row as f32]);
             tags.push([species, id]);
         }
-        let queue = &self.buffers.own.queue;
-        with_error_scope(&self.buffers.own, "the particles", 0, || {
+        let queue = &self.buffers.gpu.queue;
+        with_error_scope(&self.buffers.gpu, "the particles", 0, || {
             queue.write_buffer(self.buffers.buffer("control"), 0, bytemuck::bytes_of(&head));
             queue.write_buffer(self.steps.buffer("spheres"), 0, bytemuck::cast_slice(&spheres));
             if sizes.has_velocity {

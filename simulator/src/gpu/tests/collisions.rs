@@ -56,7 +56,7 @@ fn on_cpu(words: &[u32; MOVER]) -> Mover {
         time: value(7),
         motion,
         speed: length(motion),
-        own: vector(12),
+        velocity: vector(12),
         id: words[3],
         species: u32::from(radius < 0.4),
         radius,
@@ -65,14 +65,14 @@ fn on_cpu(words: &[u32; MOVER]) -> Mover {
 }
 
 struct Device {
-    own: GpuDevice,
+    gpu: GpuDevice,
     run: RunBuffers,
     buffers: HashMap<&'static str, wgpu::Buffer>,
 }
 
 impl Device {
-    fn new(own: &GpuDevice, model: &Model, movers: &[[u32; MOVER]]) -> Self {
-        let run = RunBuffers::new(own.clone(), &Tables::new(model, Key::new(1), 64), 0).expect("buffers");
+    fn new(gpu: &GpuDevice, model: &Model, movers: &[[u32; MOVER]]) -> Self {
+        let run = RunBuffers::new(gpu.clone(), &Tables::new(model, Key::new(1), 64), 0).expect("buffers");
         let n = movers.len() as u32;
         let pairs: Vec<[u32; 2]> = (0..n).flat_map(|j| (0..j).map(move |i| [i, j])).collect();
         let mut window = [0; WINDOW];
@@ -85,9 +85,9 @@ impl Device {
         let mut next = vec![[0u32; NEXT]; movers.len()];
         next.iter_mut().for_each(|next| next[2] = 1);
         let tags: Vec<[u32; 2]> = movers.iter().map(|m| [on_cpu(m).species, m[3]]).collect();
-        let with = |name, bytes: &[u8]| (name, written(own, name, bytes));
+        let with = |name, bytes: &[u8]| (name, written(gpu, name, bytes));
         let head = ControlHeader { count: n, ..ControlHeader::default() };
-        own.queue.write_buffer(run.buffer("control"), 0, bytemuck::bytes_of(&head));
+        gpu.queue.write_buffer(run.buffer("control"), 0, bytemuck::bytes_of(&head));
         let buffers = [
             with("movers", bytemuck::cast_slice(movers)),
             with("next_events", bytemuck::cast_slice(&next)),
@@ -96,7 +96,7 @@ impl Device {
             with("tags", bytemuck::cast_slice(&tags)),
             with("window", bytemuck::cast_slice(&window)),
         ];
-        Self { own: own.clone(), run, buffers: buffers.into() }
+        Self { gpu: gpu.clone(), run, buffers: buffers.into() }
     }
 
     fn run(&mut self, kernel: &'static Kernel, items: u32, round: u32) {
@@ -111,15 +111,15 @@ impl Device {
             other => self.buffers.get(other).or_else(|| shared.get(other)).expect(other).clone(),
         };
         let stage = self.run.stage(kernel, Groups::Fixed(groups), find).expect("a stage");
-        let mut encoder = self.own.device.create_command_encoder(&Default::default());
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         stage.encode(&mut encoder, groups);
-        self.own.queue.submit([encoder.finish()]);
+        self.gpu.queue.submit([encoder.finish()]);
     }
 
     fn read<T: bytemuck::Pod>(&self, name: &str, count: usize) -> Vec<T> {
-        let encoder = self.own.device.create_command_encoder(&Default::default());
+        let encoder = self.gpu.device.create_command_encoder(&Default::default());
         let buffer = self.buffers.get(name).unwrap_or_else(|| self.run.buffer(name));
-        let bytes = read(&self.own, encoder, &[(buffer, (count * size_of::<T>()) as u64)]).expect("read");
+        let bytes = read(&self.gpu, encoder, &[(buffer, (count * size_of::<T>()) as u64)]).expect("read");
         bytemuck::pod_collect_to_vec(&bytes[0])
     }
 
@@ -143,13 +143,13 @@ const PASSES: u32 = 1 << 31;
 
 #[test]
 fn neighbors_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for contact in [Contact::Separate, Contact::Elastic] {
         let model = crowd(contact, Axis::Periodic { low: 0.0, high: 5.5 });
         let rules = Rules::new(&model).expect("collisions");
         let words = movers(&model, 1);
         let cpu: Vec<Mover> = words.iter().map(on_cpu).collect();
-        let found = Device::new(&own, &model, &words).list(words.len() as u32);
+        let found = Device::new(&gpu, &model, &words).list(words.len() as u32);
         let mut overlaps = 0;
         for (i, a) in cpu.iter().enumerate() {
             let mut expected = Vec::new();
@@ -173,14 +173,14 @@ fn neighbors_match_the_cpu() {
 
 #[test]
 fn collision_rounds_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let axes = [Axis::Open, Axis::Reflecting { low: 0.0, high: 5.5 }, Axis::Periodic { low: 0.0, high: 5.5 }];
     for (case, axis) in axes.into_iter().enumerate() {
         let model = crowd(Contact::Separate, axis);
         let rules = Rules::new(&model).expect("collisions");
         let words = movers(&model, case as u32);
         let n = words.len() as u32;
-        let mut device = Device::new(&own, &model, &words);
+        let mut device = Device::new(&gpu, &model, &words);
         let lists = device.list(n);
         let pairs: Vec<[u32; 2]> = (0..n)
             .flat_map(|i| lists[i as usize].iter().filter(move |&&j| i < j).map(move |&j| [i, j]))
@@ -190,7 +190,7 @@ fn collision_rounds_match_the_cpu() {
         let window = Window {
             rules: &rules,
             neighbors: &neighbors,
-            own: n as usize,
+            own_count: n as usize,
             horizon: HORIZON.into(),
             top_speed: TOP_SPEED.into(),
             slack: SLACK,
@@ -244,7 +244,7 @@ fn collision_rounds_match_the_cpu() {
 
 #[test]
 fn separation_matches_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut model = crowd(Contact::Separate, Axis::Reflecting { low: 0.0, high: 5.5 });
     model.reactions = vec![Reaction { reactants: [1, 1], binding_radius: 0.2, ..Reaction::default() }];
     let free_model = model.clone();
@@ -260,7 +260,7 @@ fn separation_matches_the_cpu() {
         let position = position.map(|c| 0.5 * c as f32 + 1.0);
         particles.push(Particle { position, radius, species, id, ..Particle::default() }, false);
     }
-    let mut device = Device::new(&own, &model, &uploaded);
+    let mut device = Device::new(&gpu, &model, &uploaded);
     let moved: Vec<[f32; 4]> = (0..n as usize)
         .map(|at| {
             let [x, y, z] = particles.position_of(at);
@@ -271,18 +271,18 @@ fn separation_matches_the_cpu() {
     let claims: Vec<[u32; 8]> = (0..n).map(|at| [0, 0, u32::from(!free(at)), 0, 0, 0, 0, 0]).collect();
     let pairs = n * (n - 1) / 2;
     let head = ControlHeader { count: n, pairs, ..ControlHeader::default() };
-    own.queue.write_buffer(device.run.buffer("control"), 0, bytemuck::bytes_of(&head));
+    gpu.queue.write_buffer(device.run.buffer("control"), 0, bytemuck::bytes_of(&head));
     for (name, bytes) in [
         ("moved", bytemuck::cast_slice(&moved)),
         ("claims", bytemuck::cast_slice(&claims)),
         ("species", bytemuck::cast_slice(&particles.species)),
         ("pushes", &vec![0; (PUSH_BYTES * u64::from(n)) as usize]),
     ] {
-        device.buffers.insert(name, written(&own, name, bytes));
+        device.buffers.insert(name, written(&gpu, name, bytes));
     }
     let [x, y, z] = center;
     let rows = [[x, y, z, 0.0], [0.0; 4]];
-    own.queue.write_buffer(device.run.buffer("scene_rows"), 0, bytemuck::bytes_of(&rows));
+    gpu.queue.write_buffer(device.run.buffer("scene_rows"), 0, bytemuck::bytes_of(&rows));
     let near_pairs = device.buffers["near_pairs"].clone();
     device.buffers.insert("pairs", near_pairs);
     for pass in 0..4 {

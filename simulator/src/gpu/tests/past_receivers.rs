@@ -83,7 +83,7 @@ fn on_the_cpu(boundary: &Boundary, [particle, receiver]: [f32; 2], moves: bool, 
 
 #[test]
 fn hits_of_long_paths_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let wall = Axis::Reflecting { low: -SIDE, high: SIDE };
     let period = Axis::Periodic { low: -SIDE, high: SIDE };
     let vessel = |along| Some(Vessel { along, center: [0.0; 3], radius: SIDE });
@@ -101,7 +101,7 @@ fn hits_of_long_paths_match_the_cpu() {
     for boundary in boundaries {
         for (diffusions, moves) in [([0.0, 0.0], true), ([0.02, 0.0], false), ([0.01, 0.01], true)] {
             let (mut met, mut others) = (0, 0);
-            let found = evaluate(&own, PIECES, &step_of(&boundary, diffusions, moves), count);
+            let found = evaluate(&gpu, PIECES, &step_of(&boundary, diffusions, moves), count);
             for (id, [is_hit, time, ..]) in (0..).zip(found) {
                 let expected = on_the_cpu(&boundary, diffusions, moves, id);
                 met += u32::from(expected.is_some());

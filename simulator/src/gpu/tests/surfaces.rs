@@ -22,7 +22,7 @@ use crate::random::philox::{Draws, open_unit};
 
 #[test]
 fn adsorption_and_unbinding_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include unit_32\n#include first_passage\n#include adsorption";
     let body = "let length = ldexp(1.0, i32((k / 24u) % 8u) - 6);
         let surface = surface_of(ldexp(1.0, i32(k % 24u) - 16), length, 0.5);
@@ -32,7 +32,7 @@ fn adsorption_and_unbinding_match_the_cpu() {
         let b = max(0.5 * length * f32((k / 1536u) % 8u) - length, -0.375);
         out[k] = bitcast<vec4<u32>>(vec4(adsorption_probability(surface, a, b), effective_part(surface),
             height_after(surface, &draws), length));";
-    let found = evaluate(&own, pieces, body, 12_288);
+    let found = evaluate(&gpu, pieces, body, 12_288);
     let (mut others, time_step) = (0, 0.1);
     for (k, found) in (0..).zip(found) {
         let [stays, fraction, above, scale] = found.map(|word| f64::from(f32::from_bits(word)));
@@ -85,7 +85,7 @@ fn spheres(displacements: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
 
 #[test]
 fn paths_reflect_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let pieces = "const NOTHING: u32 = 0xffffffffu;\nstruct Now { step: u32 }\nvar<private> control: Now;
 #include params
 var<private> params: Params;
@@ -124,7 +124,7 @@ var<private> scene_rows: array<vec4<u32>, 6>;
             );
             let count = 20_000;
             let (mut bounced, mut others) = (0, 0);
-            for (k, [x, y, z, first]) in (0..).zip(evaluate(&own, pieces, &body, count)) {
+            for (k, [x, y, z, first]) in (0..).zip(evaluate(&gpu, pieces, &body, count)) {
                 let units = |word: u32| philox([k, word, 2, 3], [4, 5]).map(open_unit);
                 let [before, random_units] = [units(1), units(2)];
                 let before: [f32; 3] = std::array::from_fn(|k| 4.0 * before[k] - 2.0);
@@ -212,21 +212,21 @@ struct Chosen {
     removed: u32,
 }
 
-fn buffers_of_three(own: &GpuDevice) -> RunBuffers {
+fn buffers_of_three(gpu: &GpuDevice) -> RunBuffers {
     let mut model = model();
     model.species.truncate(1);
     model.reactions.clear();
     let kind = ReceiverKind::Receptors(vec![ReceptorType::new(1, 1.0, 1.0, [0])]);
     model.receivers = vec![Receiver { sees: vec![true], kind, ..Receiver::default() }; 3];
-    RunBuffers::new(own.clone(), &Tables::new(&model, Key::new(1), 64), 0).expect("buffers")
+    RunBuffers::new(gpu.clone(), &Tables::new(&model, Key::new(1), 64), 0).expect("buffers")
 }
 
 /// Bytes of a receptor type.
 const ROW: u64 = size_of::<ReceptorRow>() as u64;
 
-fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
+fn choose(gpu: &GpuDevice, crowd: &Crowd) -> Chosen {
     let count = crowd.spheres.len() as u32;
-    let mut buffers = buffers_of_three(own);
+    let mut buffers = buffers_of_three(gpu);
     let row = |(&[count, _], k): (&[u32; 2], u32)| ReceptorRow {
         count,
         tally: 6 + 2 * k,
@@ -237,21 +237,21 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
         (0..3).map(|k| EventRow { receptor: k, tally: k, occupied: 3 + k, ..EventRow::default() }).collect();
     let tags: Vec<[u32; 2]> = (0..count).map(|at| [0, id_of(at)]).collect();
     let made: HashMap<&str, wgpu::Buffer> = [
-        ("spheres", written(own, "spheres", bytemuck::cast_slice(&crowd.spheres))),
-        ("moved", written(own, "moved", bytemuck::cast_slice(&crowd.spheres))),
-        ("tags", written(own, "tags", bytemuck::cast_slice(&tags))),
-        ("claims", written(own, "claims", bytemuck::cast_slice(&crowd.claims))),
-        ("event_rows", written(own, "event_rows", &encoded(&event_rows))),
-        ("receptors", written(own, "receptors", &encoded(&rows))),
-        ("requesters", written(own, "requesters", &vec![0; 4 * count as usize])),
+        ("spheres", written(gpu, "spheres", bytemuck::cast_slice(&crowd.spheres))),
+        ("moved", written(gpu, "moved", bytemuck::cast_slice(&crowd.spheres))),
+        ("tags", written(gpu, "tags", bytemuck::cast_slice(&tags))),
+        ("claims", written(gpu, "claims", bytemuck::cast_slice(&crowd.claims))),
+        ("event_rows", written(gpu, "event_rows", &encoded(&event_rows))),
+        ("receptors", written(gpu, "receptors", &encoded(&rows))),
+        ("requesters", written(gpu, "requesters", &vec![0; 4 * count as usize])),
         ("control", buffers.buffer("control").clone()),
     ]
     .into();
     let head = ControlHeader { count, ..ControlHeader::default() };
-    own.queue.write_buffer(&made["control"], 0, bytemuck::bytes_of(&head));
+    gpu.queue.write_buffer(&made["control"], 0, bytemuck::bytes_of(&head));
     let all = count.div_ceil(k::WORKGROUP_SIZE);
     let mut recorded = |stages: &[(&'static k::Kernel, u32)]| {
-        let mut encoder = own.device.create_command_encoder(&Default::default());
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
         for &(kernel, groups) in stages {
             let stage = buffers.stage(kernel, Groups::Fixed(groups), |name| made[name].clone());
             stage.expect("a stage").encode(&mut encoder, groups);
@@ -259,9 +259,9 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
         encoder
     };
     let begin = recorded(&[(&k::RECEPTORS_RESET, 1), (&k::RECEPTORS_COUNT_BOUND, all)]);
-    own.queue.submit([begin.finish()]);
+    gpu.queue.submit([begin.finish()]);
     for (k, count) in crowd.coming.iter().enumerate() {
-        own.queue.write_buffer(&made["receptors"], ROW * k as u64 + 8, bytemuck::bytes_of(count));
+        gpu.queue.write_buffer(&made["receptors"], ROW * k as u64 + 8, bytemuck::bytes_of(count));
     }
     let encoder = recorded(&[
         (&k::RECEPTORS_SCAN_REQUESTS, 1),
@@ -274,7 +274,7 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
         (&made["receptors"], 3 * ROW),
         (&made["control"], size_of::<ControlHeader>() as u64 + 48),
     ];
-    let read = read(own, encoder, &sources).expect("read");
+    let read = read(gpu, encoder, &sources).expect("read");
     let receptors: Vec<[u32; 5]> = bytemuck::pod_collect_to_vec(&read[2]);
     let head: ControlHeader = bytemuck::pod_read_unaligned(&read[3][..size_of::<ControlHeader>()]);
     Chosen {
@@ -288,14 +288,14 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
 
 #[test]
 fn lowest_ranks_bind_to_free_receptors() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let crowd = crowd(5_000);
     let Crowd { spheres, claims, events, coming } = &crowd;
     let free = RECEPTORS.map(|[count, held]| count - held);
     let expected = rejected(requests(events, id_of), &free);
     assert!(coming[1] > free[1] && free[2] == 0 && expected.len() > 1000);
 
-    let Chosen { moved, claims: after, held, tallies, removed } = choose(&own, &crowd);
+    let Chosen { moved, claims: after, held, tallies, removed } = choose(&gpu, &crowd);
     assert_eq!(held, RECEPTORS.map(|[_, held]| held));
     assert!(after.iter().all(|claim| claim[2] == 0));
     let stays = |event: &&Event| moved[event.at() as usize] == spheres[event.at() as usize];
@@ -316,7 +316,7 @@ fn lowest_ranks_bind_to_free_receptors() {
 
 #[test]
 fn refused_requests_are_counted_as_on_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut model = request_model(0.004);
     model.receivers[0].kind = ReceiverKind::Receptors(vec![
         ReceptorType::new(30, 2.0, 5.0, [0]),
@@ -324,7 +324,7 @@ fn refused_requests_are_counted_as_on_the_cpu() {
     ]);
     let mut expected = Simulation::new(model.clone(), 3, Algorithm::Auto).expect("a run");
     (0..12).for_each(|_| expected.step().expect("a step"));
-    let mut run = GpuSimulation::new(model.clone(), 3, own, GpuOptions::default()).expect("a run");
+    let mut run = GpuSimulation::new(model.clone(), 3, gpu, GpuOptions::default()).expect("a run");
     run.run(5).expect("steps");
     run.run(7).expect("steps");
     assert_eq!(run.requests(), &expected.requests);
@@ -334,7 +334,7 @@ fn refused_requests_are_counted_as_on_the_cpu() {
 
 #[test]
 fn hits_and_hit_times_match_the_cpu() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include first_passage\n#include wall";
     let body = "let words = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));
         let more = philox(vec4(k, 2u, 2u, 3u), vec2(4u, 5u));
@@ -345,7 +345,7 @@ fn hits_and_hit_times_match_the_cpu() {
         out[k] = bitcast<vec4<u32>>(vec4(hit_probability(0.75, a, b, diffusion),
             first_passage(vec2(a, b - 1.0), normal, open_unit(words.z)),
             reflected_at_wall(-0.5, 8.0, vec2(a - 0.5, b - 1.5), 0.7, words.w), normal));";
-    let found = evaluate(&own, pieces, body, 4096);
+    let found = evaluate(&gpu, pieces, body, 4096);
     let mut others = 0;
     for (k, found) in (0..).zip(found) {
         let words = philox([k, 1, 2, 3], [4, 5]);

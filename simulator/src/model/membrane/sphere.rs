@@ -66,13 +66,13 @@ enum Obstacle {
 
 impl MembraneStep<'_> {
     fn spheres(&self) -> impl Iterator<Item = Sphere> {
-        let own = |(membrane, one): (usize, &Membrane)| match one.surface {
+        let sphere = |(membrane, one): (usize, &Membrane)| match one.surface {
             MembraneSurface::Sphere { center, radius } if one.sees[self.species] => {
                 Some(Sphere { membrane, center, radius, permeability: one.permeability })
             }
             _ => None,
         };
-        self.membranes.iter().enumerate().filter_map(own)
+        self.membranes.iter().enumerate().filter_map(sphere)
     }
 
     pub(super) fn is_across_sphere(&self, [a, b]: [[f32; 3]; 2]) -> bool {

@@ -29,10 +29,10 @@ fn one_step_changes_sides_with_the_closed_probability() {
         [(0.3_f32, 1.0_f32, 0.5), (0.0, 0.2, 3.0), (0.5, 0.7, 20.0), (0.2, 1.0, 0.0)]
     {
         for sign in [1.0, -1.0] {
-            let own = [membrane(5.0, permeability)];
+            let membranes = [membrane(5.0, permeability)];
             let on_other_side = |&id: &u32| {
                 let before = if sign > 0.0 { 5.0 + a } else { (5.0 - a).min(5.0_f32.next_down()) };
-                (ends(&own, &Boundary::default(), before, spread, id).confined >= 5.0) != (sign > 0.0)
+                (ends(&membranes, &Boundary::default(), before, spread, id).confined >= 5.0) != (sign > 0.0)
             };
             let found = (0..n).filter(on_other_side).count() as f64 / f64::from(n);
             let [a, time] = [f64::from(a), 0.5 * f64::from(spread).powi(2)];
@@ -48,15 +48,15 @@ fn one_step_changes_sides_with_the_closed_probability() {
 /// With the lowest point at −√(−2 ln ½)/2 = −0.589 of the spread the probability is 2.94e-8, 126 words of 2³².
 #[test]
 fn low_permeability_passes_a_fraction_of_the_least_words() {
-    let (own, domain) = ([membrane(5.0, 5e-8)], Boundary::default());
-    let step = step(&own, &domain, 1.0);
+    let (membranes, domain) = ([membrane(5.0, 5e-8)], Boundary::default());
+    let step = step(&membranes, &domain, 1.0);
     let is_below = |word: u32| step.end(0, [5.0; 2], |_, _| [1 << 31, word, 0, 0]).confined < 5.0;
     assert_eq!((0..1000).filter(|&word| is_below(word)).count(), 126);
 }
 
 #[test]
 fn nothing_passes_a_closed_membrane() {
-    let own = [membrane(-0.5, 0.0), membrane(0.25, 0.0)];
+    let membranes = [membrane(-0.5, 0.0), membrane(0.25, 0.0)];
     for domain in [
         Boundary::default(),
         Boundary::reflecting([-1.0; 3], [1.0; 3]),
@@ -66,7 +66,7 @@ fn nothing_passes_a_closed_membrane() {
             for (slab, start) in [(0, 0.2), (0, -0.5), (1, 0.25), (1, 0.9), (2, -0.75)] {
                 let mut x = start;
                 for id in 0..2000 {
-                    x = ends(&own, &domain, x, spread, id).confined;
+                    x = ends(&membranes, &domain, x, spread, id).confined;
                     let is_in_slab = match (slab, domain.axes[0]) {
                         (0, _) => (-0.5..0.25).contains(&x),
                         (_, Axis::Periodic { .. }) => !(-0.5..0.25).contains(&x),
@@ -87,7 +87,7 @@ fn narrow_gaps_keep_a_uniform_density() {
     let periodic = Boundary::periodic([0.0; 3], [10.0; 3]);
     let walls = Boundary::reflecting([0.0; 3], [10.0; 3]);
     let two = [membrane(4.75, 5.0), membrane(5.25, 5.0)];
-    for (own, domain, [low, high]) in [
+    for (membranes, domain, [low, high]) in [
         (&two[..], periodic, [4.75, 5.25]),
         (&two[..], walls, [4.75, 5.25]),
         (&[membrane(0.5, 5.0)], walls, [0.0, 0.5]),
@@ -96,7 +96,7 @@ fn narrow_gaps_keep_a_uniform_density() {
         let mut all: Vec<f32> = (0..N).map(|k| 10.0 * (k as f32 + 0.5) / N as f32).collect();
         for now in 0..60 {
             for (id, x) in (0..).zip(&mut all) {
-                let step = step(own, &domain, 0.5);
+                let step = step(membranes, &domain, 0.5);
                 let end = *x + 0.5 * normals(KEY.draw(id, 0, now, Purpose::Move))[0];
                 let words = |index, part| KEY.draw_part([id, index], part, now, Purpose::Membrane);
                 *x = step.end(0, [*x, end], words).confined;
@@ -111,12 +111,12 @@ fn narrow_gaps_keep_a_uniform_density() {
 
 #[test]
 fn a_point_on_a_membrane_is_above_it() {
-    let own = [membrane(0.0, 1.0)];
+    let membranes = [membrane(0.0, 1.0)];
     for (domain, expected) in [
         (Boundary::default(), [false, true, true]),
         (Boundary::periodic([-1.0; 3], [1.0; 3]), [false, true, false]),
     ] {
-        let step = step(&own, &domain, 1.0);
+        let step = step(&membranes, &domain, 1.0);
         let points = [[0.0, 0.5], [-0.25, 0.0], [-0.75, 0.75]];
         assert_eq!(points.map(|[a, b]| step.separates([[a, 0.0, 0.0], [b, 0.0, 0.0]])), expected);
     }

@@ -132,12 +132,12 @@ impl Collisions {
         step: u32,
         halo: &mut H,
     ) -> Result<u64, H::Error> {
-        let own = scratch.movers.len();
+        let own_count = scratch.movers.len();
         let (mut now, mut collisions, mut top_speed) = (0.0, 0, 0.0);
         let most = self.largest_allowance(&extent);
         let limit = MIN_BUDGET + MAX_COLLISIONS * extent.count;
         while now < 1.0 {
-            top_speed = f64::max(top_speed, TOP_SPEED * fastest(&scratch.movers[..own], halo));
+            top_speed = f64::max(top_speed, TOP_SPEED * fastest(&scratch.movers[..own_count], halo));
             if !(top_speed > 0.0 && top_speed.is_finite()) {
                 break;
             }
@@ -146,14 +146,14 @@ impl Collisions {
                 return halo.agree(Err(too_long(step, path_length, most)));
             }
             let allowance = most.min(path_length);
-            scratch.movers.truncate(own);
+            scratch.movers.truncate(own_count);
             halo.add_ghosts(&mut scratch.movers, allowance)?;
             let candidates = self.candidates(scratch, allowance);
             let mut candidates = halo.agree(candidates.map_err(|source| Error::Step { step, source }))?;
             let Scratch { movers, begun, neighbors, .. } = &mut *scratch;
             if now == 0.0 && self.rules.is_elastic && collisions == 0 {
-                collisions += bounce_overlaps(&self.rules, movers, own, &candidates, halo)?;
-                top_speed = f64::max(top_speed, fastest(&movers[..own], halo));
+                collisions += bounce_overlaps(&self.rules, movers, own_count, &candidates, halo)?;
+                top_speed = f64::max(top_speed, fastest(&movers[..own_count], halo));
             }
             candidates.retain(|pair| !self.rules.passes(pair.map(|at| &movers[at as usize])));
             neighbors.build(&candidates, movers.len());
@@ -162,7 +162,7 @@ impl Collisions {
             let horizon = f64::min(1.0, now + allowance / top_speed);
             let limit = limit.saturating_sub(collisions);
             let window =
-                Window { rules: &self.rules, neighbors, own, horizon, top_speed, slack: SLACK, limit };
+                Window { rules: &self.rules, neighbors, own_count, horizon, top_speed, slack: SLACK, limit };
             match window.run(movers, halo)? {
                 WindowEnd::Finished(met) => collisions += met,
                 WindowEnd::TooFast(speed) => {
@@ -179,7 +179,7 @@ impl Collisions {
             top_speed = 0.0;
             movers.par_iter_mut().for_each(|mover| mover.advance(now));
         }
-        scratch.movers.truncate(own);
+        scratch.movers.truncate(own_count);
         Ok(collisions)
     }
 
@@ -268,6 +268,6 @@ fn too_long(step: u32, path_length: f64, allowance: f64) -> Error {
 }
 
 fn fastest<H: Halo>(movers: &[Mover], halo: &mut H) -> f64 {
-    let own = movers.par_iter().map(|mover| mover.speed).reduce(|| 0.0, f64::max);
-    halo.gather(own).into_iter().fold(0.0, f64::max)
+    let own_speed = movers.par_iter().map(|mover| mover.speed).reduce(|| 0.0, f64::max);
+    halo.gather(own_speed).into_iter().fold(0.0, f64::max)
 }

@@ -25,7 +25,7 @@ pub(crate) struct Mover {
     /// Length of `motion`.
     pub(crate) speed: f64,
     /// Own velocity, in µm/s.
-    pub(crate) own: [f64; 3],
+    pub(crate) velocity: [f64; 3],
     pub(crate) id: u32,
     pub(crate) species: u32,
     pub(crate) radius: f32,
@@ -41,7 +41,7 @@ impl Mover {
             time: 0.0,
             motion,
             speed: length(motion),
-            own: flight.begun.map(f64::from),
+            velocity: flight.begun.map(f64::from),
             id: particles.id[at],
             species: particles.species[at],
             radius: particles.radius[at],
@@ -85,7 +85,7 @@ impl Mover {
             flight.path.drift = std::array::from_fn(|k| end[k] - flight.path.before[k]);
             flight.path.free = end;
         }
-        flight.velocity = self.own.map(|v| v as f32);
+        flight.velocity = self.velocity.map(|v| v as f32);
     }
 }
 

@@ -14,11 +14,11 @@ use super::rounds::Adjacency;
 use super::rules::Rules;
 
 /// Lets overlapping pairs bounce if they approach and cannot react. Returns the number of bounces on all ranks. The
-/// first `own` movers are this rank's.
+/// first `own_count` movers are this rank's.
 pub(super) fn bounce_overlaps<H: Halo>(
     rules: &Rules,
     movers: &mut [Mover],
-    own: usize,
+    own_count: usize,
     candidates: &[[u32; 2]],
     halo: &mut H,
 ) -> Result<u64, H::Error> {
@@ -46,7 +46,7 @@ pub(super) fn bounce_overlaps<H: Halo>(
         let pair = |&at: &u32| {
             let other = next(at).filter(|&other| next(other) == Some(at))?;
             let in_order = movers[at as usize].id < movers[other as usize].id;
-            let is_own = (at.min(other) as usize) < own;
+            let is_own = (at.min(other) as usize) < own_count;
             is_own.then_some(if in_order { [at, other] } else { [other, at] })
         };
         let mut ready: Vec<_> = changed.iter().filter_map(pair).collect();
@@ -59,8 +59,8 @@ pub(super) fn bounce_overlaps<H: Halo>(
         for pair in ready {
             let mut both = pair.map(|at| movers[at as usize]);
             let met = rules.collide(&mut both);
-            bounces += u64::from(met && (pair[0] as usize) < own);
-            for (at, mover) in pair.into_iter().zip(both).filter(|&(at, _)| (at as usize) < own) {
+            bounces += u64::from(met && (pair[0] as usize) < own_count);
+            for (at, mover) in pair.into_iter().zip(both).filter(|&(at, _)| (at as usize) < own_count) {
                 movers[at as usize] = mover;
                 changed.push(at);
             }

@@ -42,7 +42,7 @@ pub(crate) struct Window<'a> {
     pub(crate) rules: &'a Rules,
     pub(crate) neighbors: &'a Adjacency,
     /// Number of own movers, which precede the ghosts.
-    pub(crate) own: usize,
+    pub(crate) own_count: usize,
     /// Fraction of the step.
     pub(crate) horizon: f64,
     /// In µm per step.
@@ -91,7 +91,7 @@ impl Window<'_> {
         let mut agenda = self.begin(movers);
         let (mut last, mut collisions) = (Progress::zeroed(), 0);
         loop {
-            last.earliest = agenda.earliest(self.own);
+            last.earliest = agenda.earliest(self.own_count);
             let Progress { earliest, fastest, collisions: more } = Progress::from_ranks(halo.gather(last));
             collisions += more;
             if fastest > self.top_speed {
@@ -117,7 +117,7 @@ impl Window<'_> {
         earliest: f64,
         changed: &mut Vec<u32>,
     ) -> Progress {
-        let is_own = |at: u32| (at as usize) < self.own;
+        let is_own = |at: u32| (at as usize) < self.own_count;
         let trial = |&at: &u32| {
             let event = agenda.next[at as usize];
             let is_here = event.at[0] == at && event.particles().iter().any(|&at| is_own(at));
@@ -200,17 +200,19 @@ impl Window<'_> {
         event: &Event,
         earliest: f64,
     ) -> Option<f64> {
-        let own = event.particles();
-        if own.iter().any(|&at| next[at as usize].compare(event).is_ne()) {
+        let participants = event.particles();
+        if participants.iter().any(|&at| next[at as usize].compare(event).is_ne()) {
             return None;
         }
-        for &at in own {
-            for &other in self.neighbors.neighbors_of(at).iter().filter(|other| !own.contains(other)) {
+        for &at in participants {
+            for &other in self.neighbors.neighbors_of(at).iter().filter(|other| !participants.contains(other))
+            {
                 // The other leaves its path at `earliest` or later, a bound that often suffices.
                 if self.misses(movers, [other, at], [earliest, event.time]) {
                     continue;
                 }
-                let thirds = self.neighbors.neighbors_of(other).iter().filter(|third| !own.contains(third));
+                let thirds =
+                    self.neighbors.neighbors_of(other).iter().filter(|third| !participants.contains(third));
                 let hits = thirds.map(|&third| self.hit(movers, [third, other], earliest));
                 let leaves = hits.fold(next[other as usize].time, f64::min);
                 let late = event.time - self.hit(movers, [other, at], leaves);
@@ -257,8 +259,8 @@ impl Progress {
 }
 
 impl Agenda {
-    fn earliest(&self, own: usize) -> f64 {
-        let active = self.active.iter().filter(|&&at| (at as usize) < own);
+    fn earliest(&self, own_count: usize) -> f64 {
+        let active = self.active.iter().filter(|&&at| (at as usize) < own_count);
         active.map(|&at| self.next[at as usize].time).fold(f64::INFINITY, f64::min)
     }
 

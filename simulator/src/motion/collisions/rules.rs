@@ -142,7 +142,7 @@ impl Rules {
                 let out = vessel.offset(mover.position);
                 let distance = vessel.length(out).max(f64::MIN_POSITIVE);
                 let normal = out.map(|c| c / distance);
-                for velocity in [&mut mover.motion, &mut mover.own] {
+                for velocity in [&mut mover.motion, &mut mover.velocity] {
                     let speed = dot(*velocity, normal);
                     (0..3).for_each(|k| velocity[k] -= 2.0 * speed * normal[k]);
                 }
@@ -150,7 +150,7 @@ impl Rules {
             _ => {
                 let axis = (wall / 2) as usize;
                 mover.motion[axis] = -mover.motion[axis];
-                mover.own[axis] = -mover.own[axis];
+                mover.velocity[axis] = -mover.velocity[axis];
             }
         }
     }
@@ -177,7 +177,7 @@ impl Rules {
         };
         let met = exchange(&mut a.motion, &mut b.motion);
         if self.is_elastic {
-            exchange(&mut a.own, &mut b.own);
+            exchange(&mut a.velocity, &mut b.velocity);
         }
         for mover in [a, b] {
             mover.speed = length(mover.motion);

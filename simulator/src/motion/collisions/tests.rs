@@ -55,7 +55,7 @@ pub(crate) fn movers(case: u32, per_side: u32, speed: f64) -> Vec<Mover> {
             time: 0.0,
             motion,
             speed: length(motion),
-            own: motion,
+            velocity: motion,
             id: (k * 37) % 1009,
             species,
             radius: [0.5, 0.3][species as usize],
@@ -71,8 +71,9 @@ fn run(movers: &[Mover], rules: &Rules, slack: f64) -> (Vec<Mover>, WindowEnd) {
     let mut neighbors = Adjacency::default();
     neighbors.build(&pairs, movers.len());
     neighbors.sort_by_id(&movers);
-    let (own, neighbors) = (movers.len(), &neighbors);
-    let window = Window { rules, neighbors, own, horizon: HORIZON, top_speed: 5.0, slack, limit: 10_000 };
+    let (own_count, neighbors) = (movers.len(), &neighbors);
+    let window =
+        Window { rules, neighbors, own_count, horizon: HORIZON, top_speed: 5.0, slack, limit: 10_000 };
     let end = window.run(&mut movers, &mut Undivided).expect("one process");
     (movers, end)
 }
@@ -125,8 +126,9 @@ fn speed_or_number_beyond_the_limit_ends_a_window() {
     let mut neighbors = Adjacency::default();
     neighbors.build(&pairs, begun.len());
     let top_speed = begun.iter().map(|mover| mover.speed).fold(0.0, f64::max);
-    let (own, neighbors) = (begun.len(), &neighbors);
-    let window = Window { rules: &rules, neighbors, own, horizon: 1.0, top_speed, slack: 0.0, limit: 3 };
+    let (own_count, neighbors) = (begun.len(), &neighbors);
+    let window =
+        Window { rules: &rules, neighbors, own_count, horizon: 1.0, top_speed, slack: 0.0, limit: 3 };
     let end = |window: Window| window.run(&mut begun.clone(), &mut Undivided).expect("one process");
     assert!(matches!(end(window), WindowEnd::TooMany(4..)));
     let slow = Window { top_speed: 0.5 * top_speed, limit: 1000, ..window };

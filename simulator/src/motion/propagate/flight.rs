@@ -39,8 +39,8 @@ impl Propagator {
             tumbles.apply(before, &mut begun, words, &kind.domain);
         }
         let mut velocity = begun;
-        let own = self.with_velocity.then_some(&mut velocity);
-        let (path, free_end) = self.paths.path(kind, [before, normal], own, who);
+        let mutable_velocity = self.with_velocity.then_some(&mut velocity);
+        let (path, free_end) = self.paths.path(kind, [before, normal], mutable_velocity, who);
         Flight { path, free_end, begun, velocity }
     }
 }

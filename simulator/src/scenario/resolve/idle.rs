@@ -21,8 +21,8 @@ pub(super) fn keys(
         Some(Problem::at(one.mass.as_ref()?.span(), message))
     });
     let is_followed = |index: usize| {
-        let own = model.species.iter().filter_map(|species| species.chemotaxis);
-        own.map(|taxis| taxis.attractant as usize).any(|attractant| attractant == index)
+        let chemotaxes = model.species.iter().filter_map(|species| species.chemotaxis);
+        chemotaxes.map(|taxis| taxis.attractant as usize).any(|attractant| attractant == index)
     };
     let idle = attractants.iter().enumerate().filter(|&(index, _)| !is_followed(index));
     let attractants = idle.map(|(_, one)| {

@@ -283,8 +283,8 @@ impl Network<'_> {
 fn relative_speed(both: [&Species; 2]) -> f64 {
     let [a, b] = both.map(|species| species.drift);
     let by_drift: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
-    let own = both.map(|species| species.speed.powi(2) + 3.0 * species.thermal_speed.powi(2));
-    (by_drift + own.iter().sum::<f64>()).sqrt()
+    let squared_speeds = both.map(|species| species.speed.powi(2) + 3.0 * species.thermal_speed.powi(2));
+    (by_drift + squared_speeds.iter().sum::<f64>()).sqrt()
 }
 
 fn at_once(name: &str, back: &str) -> String {

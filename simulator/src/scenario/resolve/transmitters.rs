@@ -19,25 +19,25 @@ pub(super) fn transmitters(
     let (mut all, mut known, mut symbols) = (Vec::new(), HashSet::new(), 0);
     for one in many {
         let (span, of_bits) = (one.name.span(), bits_span(&one));
-        let own = transmitter(one, names, boundary, warnings)?;
-        if let Schedule::Message(message) = &own.schedule {
+        let resolved = transmitter(one, names, boundary, warnings)?;
+        if let Schedule::Message(message) = &resolved.schedule {
             symbols += message.symbols.len() as usize;
         }
-        if let Some(message) = own.point_beyond_range() {
+        if let Some(message) = resolved.point_beyond_range() {
             return Err(Problem::at(span, message));
         }
         if symbols > MAX_BITS {
             let message = format!(
                 "the transmitters up to '{}' send {symbols} symbols, more than the limit of {MAX_BITS}; send fewer",
-                own.name
+                resolved.name
             );
             return Err(Problem::at(of_bits, message));
         }
-        if !known.insert(own.name.clone()) {
-            let message = format!("there are two transmitters '{}'; rename one", own.name);
+        if !known.insert(resolved.name.clone()) {
+            let message = format!("there are two transmitters '{}'; rename one", resolved.name);
             return Err(Problem::at(span, message));
         }
-        all.push(own);
+        all.push(resolved);
     }
     Ok(all)
 }

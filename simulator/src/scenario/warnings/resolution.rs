@@ -19,9 +19,9 @@ pub(in crate::scenario) fn rounded_steps(model: &Model, species: usize) -> Optio
     if let Some(Flow::Plug(flow)) = model.flow {
         drift.iter_mut().zip(flow).for_each(|(v, u)| *v += u);
     }
-    let own = speed.max(thermal_speed);
+    let own_speed = speed.max(thermal_speed);
     // Directions of own velocities vary, so that drifts are rounded to either side.
-    let velocity = if own > 0.0 { [own; 3] } else { drift };
+    let velocity = if own_speed > 0.0 { [own_speed; 3] } else { drift };
     rounded(model, &largest_coordinates(model), &Motion { name, diffusion, velocity })
 }
 

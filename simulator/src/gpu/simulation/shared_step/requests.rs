@@ -80,7 +80,7 @@ impl GpuSimulation {
             (self.buffers.buffer("control"), size_of::<ControlHeader>() as u64),
             (self.buffers.buffer("receptors"), (4 * ROW_WORDS * self.tables.receptors.len()) as u64),
         ];
-        let read = read(&self.buffers.own, encoder, &sources)?;
+        let read = read(&self.buffers.gpu, encoder, &sources)?;
         let words: Vec<[u32; ROW_WORDS]> = bytemuck::pod_collect_to_vec(&read[1]);
         let row = |[count, bound, requests, first, tally]: [u32; ROW_WORDS]| ReceptorRow {
             count,
@@ -110,15 +110,15 @@ impl GpuSimulation {
             (self.steps.buffer("claims"), CLAIM_BYTES * particles),
             (self.steps.buffer("tags"), 8 * particles),
         ];
-        let read = read(&self.buffers.own, self.encoder(), &sources)?;
+        let read = read(&self.buffers.gpu, self.encoder(), &sources)?;
         let requesters: Vec<u32> = bytemuck::pod_collect_to_vec(&read[0]);
         let claims: Vec<[u32; CLAIM_BYTES as usize / 4]> = bytemuck::pod_collect_to_vec(&read[1]);
         let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[2]);
         let of_type = |(receptor, row): (u32, &ReceptorRow)| {
-            let own = &requesters[row.first as usize..(row.first + row.requests) as usize];
+            let requesters_of_receptor = &requesters[row.first as usize..(row.first + row.requests) as usize];
             let key = |&at: &u32| (claims[at as usize][0], tags[at as usize][1]);
             let request = move |(rank, id)| BindingRequest::new(receptor, rank, id);
-            own.iter().map(key).map(request).collect::<Vec<_>>()
+            requesters_of_receptor.iter().map(key).map(request).collect::<Vec<_>>()
         };
         Ok((0..).zip(rows).flat_map(of_type).collect())
     }
@@ -135,7 +135,7 @@ impl GpuSimulation {
         self.write_receptors(requests.rows.iter().zip(accepted).map(leave_free).collect())?;
         let particles = self.particles_of_step();
         let particles = if self.tables.dissociates() { self.steps.sizes.particles } else { particles };
-        let mut submissions = Submissions::new(self.buffers.own.clone());
+        let mut submissions = Submissions::new(self.buffers.gpu.clone());
         self.steps.encode_selection(submissions.encoder(), particles);
         self.steps.encode_after(submissions.encoder(), particles);
         let read = self.read(submissions.finish(), particles);
@@ -144,8 +144,8 @@ impl GpuSimulation {
 
     fn write_receptors(&self, rows: Vec<ReceptorRow>) -> Result<(), Error> {
         let bytes = encoded(&rows);
-        with_error_scope(&self.buffers.own, "receptors", 0, || {
-            self.buffers.own.queue.write_buffer(self.buffers.buffer("receptors"), 0, &bytes);
+        with_error_scope(&self.buffers.gpu, "receptors", 0, || {
+            self.buffers.gpu.queue.write_buffer(self.buffers.buffer("receptors"), 0, &bytes);
         })
     }
 }
