@@ -3,7 +3,7 @@
 //! Species that react with each other are not separated: a reaction may need them closer than contact.
 //!
 //! In each of four passes, a particle moves by the mean of the displacements that would separate its overlaps, unless
-//! it would enter a body. Sums are integers, so the order of overlaps has no effect.
+//! it would enter a reflecting receiver. Sums are integers, so the order of overlaps has no effect.
 //!
 //! Overlaps below the rounding error of an `f32` distance remain and are not counted.
 
@@ -19,9 +19,9 @@ use crate::random::gaussian::direction;
 use crate::random::philox::{Purpose, StepKey};
 use crate::reaction::distance_squared;
 
-mod bodies;
+mod reflecting_spheres;
 
-use bodies::{Bodies, Shift};
+use reflecting_spheres::{ReflectingSpheres, Shift};
 
 /// Separates the overlaps of a model.
 #[derive(Debug)]
@@ -29,7 +29,7 @@ pub struct Contacts {
     separates: bool,
     diffusion: Vec<f64>,
     reactive: ReactivePairs,
-    bodies: Bodies,
+    reflecting_spheres: ReflectingSpheres,
     boundary: Boundary,
     center_domains: Vec<Boundary>,
     /// Unit of displacements, in µm.
@@ -51,7 +51,7 @@ impl Contacts {
             separates: model.contact == Contact::Separate,
             diffusion: model.species.iter().map(|species| species.diffusion).collect(),
             reactive: ReactivePairs::new(model),
-            bodies: Bodies::new(model),
+            reflecting_spheres: ReflectingSpheres::new(model),
             boundary: model.boundary,
             center_domains: model.center_domains(),
             quantum: 2.0 * largest / UNITS,
@@ -64,7 +64,7 @@ impl Contacts {
     }
 
     pub(crate) fn set_centers(&mut self, centers: &[[f32; 3]]) {
-        self.bodies.set_centers(centers);
+        self.reflecting_spheres.set_centers(centers);
     }
 
     /// Separates the overlaps among `pairs`, if both particles are `free`, and returns their number.
@@ -118,7 +118,7 @@ impl Contacts {
             Shift { at, species, from, to: self.center_domains[species as usize].confine(to) }
         };
         let mut shifts: Vec<Shift> = pushes.chunk_by(|a, b| a.0 == b.0).map(shift).collect();
-        self.bodies.retain_outside(&mut shifts);
+        self.reflecting_spheres.retain_outside(&mut shifts);
         shifts.iter().for_each(|shift| particles.set_position(shift.at, shift.to));
     }
 

@@ -291,13 +291,13 @@ pub(crate) fn length(v: [f32; 3]) -> f32 {
 /// Largest number of cuts per axis. Steps that need more are far too long.
 const CUTS: usize = 1000;
 
-fn path_line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
+fn path_line_hit(state: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let line =
         Line { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, duration: 1.0 };
-    let Some(corners) = corners(domain, path, path.free) else { return line_hit(body, domain, line) };
+    let Some(corners) = corners(domain, path, path.free) else { return line_hit(state, domain, line) };
     corners.windows(2).find_map(|ends| {
         let &[(begin, from), (end, to)] = ends else { return None };
-        line_hit(body, domain, Line { ends: [from, to], begin, duration: end - begin })
+        line_hit(state, domain, Line { ends: [from, to], begin, duration: end - begin })
     })
 }
 
@@ -309,12 +309,12 @@ struct Line {
 }
 
 /// Cuts the line at plane walls and at changes of the receiver's nearest image.
-fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> {
+fn line_hit(state: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> {
     let Line { ends: [from, to], begin, duration: of_step } = line;
     let line_displacement: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
-    let radius = f64::from(body.receiver.radius);
-    let center = body.center_at(begin as f32);
-    let displacement = body.displacement.map(|c| of_step * f64::from(c));
+    let radius = f64::from(state.receiver.radius);
+    let center = state.center_at(begin as f32);
+    let displacement = state.displacement.map(|c| of_step * f64::from(c));
     let hit_at = |time: f64| Hit::at((begin + of_step * time) as f32);
     let mut cuts = Vec::new();
     for (k, axis) in domain.axes.into_iter().enumerate() {
@@ -351,7 +351,7 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> 
             let signed_duration = if domain.axes[k].reverses(point[k]) { -duration } else { duration };
             signed_duration * line_displacement[k] - duration * displacement[k]
         });
-        let center = body.center_at((begin + of_step * middle) as f32);
+        let center = state.center_at((begin + of_step * middle) as f32);
         let middle = domain.displacement(center, domain.confine(point)).map(f64::from);
         let time = entry_time(std::array::from_fn(|k| middle[k] - 0.5 * relative[k]), relative, radius)?;
         Some(hit_at(cut[0] + duration * time))

@@ -43,7 +43,7 @@ impl Propagator {
     pub fn new(model: &Model) -> Self {
         let (surfaces, time) = (Surfaces::new(model), StepTime::new(model, 1.0));
         let species = 0..model.species.len();
-        let step = |species| SpeciesStep::new(model, species, time, surfaces.bodies.diffusion);
+        let step = |species| SpeciesStep::new(model, species, time, surfaces.active_receivers.diffusion);
         Self {
             steps: species.clone().map(step).collect(),
             paths: FreePaths::new(model, time),
@@ -84,7 +84,7 @@ impl Propagator {
         now: StepKey,
     ) -> Result<Vec<Event>, Error> {
         let begin = |receiver_search: &mut &mut ReceiverSearch| {
-            receiver_search.begin(particles.len(), &self.surfaces.bodies)
+            receiver_search.begin(particles.len(), &self.surfaces.active_receivers)
         };
         let searches = receiver_search.as_mut().is_some_and(begin);
         let seen = receiver_search.as_deref().filter(|_| searches);
@@ -121,7 +121,7 @@ impl Propagator {
                 events.extend(self.search(particles, receiver_search, unsure.concat(), now.step)?);
                 events.sort_by_key(Event::at);
             }
-            receiver_search.end(&self.surfaces.bodies);
+            receiver_search.end(&self.surfaces.active_receivers);
         }
         Ok(events)
     }
@@ -178,7 +178,11 @@ impl Propagator {
                         self.surfaces_of(moved.species).hold_back(&mut moved);
                     }
                     match receiver_search {
-                        None => self.resolve_events(&mut moved, self.surfaces.bodies.all.iter(), &mut events),
+                        None => self.resolve_events(
+                            &mut moved,
+                            self.surfaces.active_receivers.all.iter(),
+                            &mut events,
+                        ),
                         Some(receiver_search)
                             if receiver_search.is_clear(index, &self.step_bounds(&moved)) =>
                         {
@@ -269,7 +273,8 @@ impl Propagator {
     /// Bounds the path's distance from its chord plus the displacement of any receiver.
     #[inline(always)]
     fn more(&self, moved: &ParticleMove) -> f32 {
-        self.steps[moved.species as usize].bend_of(&moved.path) + self.surfaces.bodies.max_displacement
+        self.steps[moved.species as usize].bend_of(&moved.path)
+            + self.surfaces.active_receivers.max_displacement
     }
 
     fn search(
@@ -285,20 +290,21 @@ impl Propagator {
         let around_beginning = |moved: &ParticleMove| self.step_bounds(moved).around_beginning();
         let begins = unsure.iter().map(|moved| (moved.path.before, around_beginning(moved)));
         let failed = |source| Error::Step { step, source };
-        let found = receiver_search.find(begins, &self.surfaces.bodies).map_err(failed)?;
+        let found = receiver_search.find(begins, &self.surfaces.active_receivers).map_err(failed)?;
         let resolve = |(k, moved): (usize, &mut ParticleMove)| {
             let (mut events, begun) = (Vec::new(), *moved);
             let search_radius = around_beginning(moved);
-            let (near, ball) = found.receivers_near(k, search_radius, (&self.surfaces.bodies, &self.whole));
+            let (near, ball) =
+                found.receivers_near(k, search_radius, (&self.surfaces.active_receivers, &self.whole));
             self.resolve_events(
                 moved,
-                near.iter().map(|&k| &self.surfaces.bodies.all[k as usize]),
+                near.iter().map(|&k| &self.surfaces.active_receivers.all[k as usize]),
                 &mut events,
             );
             if self.more(moved) + moved.path_length > search_radius * (1.0 + ROUNDED) {
                 *moved = begun;
                 events.clear();
-                self.resolve_events(moved, self.surfaces.bodies.all.iter(), &mut events);
+                self.resolve_events(moved, self.surfaces.active_receivers.all.iter(), &mut events);
             }
             (events, ball)
         };

@@ -82,8 +82,11 @@ const FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
 const FOUND: [usize; 2] = [1, 4];
 
 impl ReceiverSearch {
-    pub(crate) fn new(bodies: &ActiveReceivers, boundary: &Boundary) -> Result<Option<Self>, Error> {
-        if bodies.all.is_empty() {
+    pub(crate) fn new(
+        active_receivers: &ActiveReceivers,
+        boundary: &Boundary,
+    ) -> Result<Option<Self>, Error> {
+        if active_receivers.all.is_empty() {
             return Ok(None);
         }
         Ok(Some(Self {
@@ -99,8 +102,8 @@ impl ReceiverSearch {
     }
 
     /// Returns `false` if the loop over all receivers is faster.
-    pub(crate) fn begin(&mut self, particles: usize, bodies: &ActiveReceivers) -> bool {
-        if bodies.move_about() {
+    pub(crate) fn begin(&mut self, particles: usize, active_receivers: &ActiveReceivers) -> bool {
+        if active_receivers.move_about() {
             if self.steps.is_multiple_of(FORGET) {
                 self.clear_spheres.clear();
                 self.traveled = 0.0;
@@ -108,18 +111,18 @@ impl ReceiverSearch {
             self.steps += 1;
         }
         self.clear_spheres.resize(particles, UNKNOWN);
-        if bodies.move_about() || self.receivers.is_empty() {
-            let sphere = |body: &crate::motion::receiver_state::ReceiverState| {
-                Sphere::new(body.center, body.receiver.radius)
+        if active_receivers.move_about() || self.receivers.is_empty() {
+            let sphere = |state: &crate::motion::receiver_state::ReceiverState| {
+                Sphere::new(state.center, state.receiver.radius)
             };
             self.receivers.clear();
-            self.receivers.extend(bodies.all.iter().map(sphere));
+            self.receivers.extend(active_receivers.all.iter().map(sphere));
         }
         self.cost.begin()
     }
 
-    pub(crate) fn end(&mut self, bodies: &ActiveReceivers) {
-        self.traveled += bodies.max_displacement;
+    pub(crate) fn end(&mut self, active_receivers: &ActiveReceivers) {
+        self.traveled += active_receivers.max_displacement;
     }
 
     #[inline(always)]
@@ -135,13 +138,13 @@ impl ReceiverSearch {
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,
-        bodies: &ActiveReceivers,
+        active_receivers: &ActiveReceivers,
     ) -> Result<Found<'a>, lazygrid::Error> {
         let Self { detector, traveled, factor, queries, receivers, clear_spheres, cost, .. } = self;
         queries.clear();
         queries.extend(particles.map(|(before, path_length)| {
-            let radius = *factor * path_length + 1e-3 * bodies.largest;
-            Sphere::new(before, radius + slack(before, radius, bodies, *traveled))
+            let radius = *factor * path_length + 1e-3 * active_receivers.largest;
+            Sphere::new(before, radius + slack(before, radius, active_receivers, *traveled))
         }));
         let near = detector.neighbors((&*queries, &*receivers))?;
         let found: usize = (0..near.len()).map(|k| near.neighbors_of(k).len()).sum();
@@ -179,8 +182,8 @@ impl SearchCost {
 }
 
 /// Returns a bound of the rounding of distances and of receiver displacements, in µm.
-fn slack(before: [f32; 3], radius: f32, bodies: &ActiveReceivers, traveled: f32) -> f32 {
-    rounding(before, radius + bodies.largest + traveled)
+fn slack(before: [f32; 3], radius: f32, active_receivers: &ActiveReceivers, traveled: f32) -> f32 {
+    rounding(before, radius + active_receivers.largest + traveled)
 }
 
 pub(crate) struct Found<'a> {
@@ -195,18 +198,21 @@ impl Found<'_> {
         &self,
         k: usize,
         max_gap: f32,
-        (bodies, boundary): (&ActiveReceivers, &Boundary),
+        (active_receivers, boundary): (&ActiveReceivers, &Boundary),
     ) -> (Vec<u32>, [f32; 4]) {
         let Sphere { center, radius } = self.queries[k];
         let before = center.to_array();
-        let slack = slack(before, radius, bodies, self.traveled);
+        let slack = slack(before, radius, active_receivers, self.traveled);
         let mut clear = radius - slack;
         let mut candidates = Vec::new();
         for &other in self.near.neighbors_of(k) {
-            let body = &bodies.all[other as usize];
-            let gap =
-                crate::model::receiver::signed_distance(body.receiver.radius, body.center, boundary, before)
-                    - slack;
+            let state = &active_receivers.all[other as usize];
+            let gap = crate::model::receiver::signed_distance(
+                state.receiver.radius,
+                state.center,
+                boundary,
+                before,
+            ) - slack;
             clear = clear.min(gap);
             if gap <= max_gap {
                 candidates.push(other);

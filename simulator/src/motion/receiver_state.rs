@@ -123,15 +123,15 @@ impl ActiveReceivers {
                 ..ReceiverState::new(at as u32, receiver.clone(), model.time_step)
             })
             .collect();
-        let changes = |body: &ReceiverState| {
-            body.receiver.moves() || matches!(body.receiver.kind, ReceiverKind::Receptors(_))
+        let changes = |state: &ReceiverState| {
+            state.receiver.moves() || matches!(state.receiver.kind, ReceiverKind::Receptors(_))
         };
         Self {
             changing: (0..all.len()).filter(|&k| changes(&all[k])).collect(),
-            moving: all.iter().any(|body| body.receiver.moves()),
-            reflecting: all.iter().any(|body| body.receiver.kind.reflects()),
-            diffusion: all.iter().map(|body| body.diffusion).fold(0.0, f32::max),
-            largest: all.iter().map(|body| body.receiver.radius).fold(0.0, f32::max),
+            moving: all.iter().any(|state| state.receiver.moves()),
+            reflecting: all.iter().any(|state| state.receiver.kind.reflects()),
+            diffusion: all.iter().map(|state| state.diffusion).fold(0.0, f32::max),
+            largest: all.iter().map(|state| state.receiver.radius).fold(0.0, f32::max),
             max_displacement: 0.0,
             all,
         }
@@ -148,15 +148,15 @@ impl ActiveReceivers {
     pub(crate) fn set(&mut self, centers: &[[f32; 3]], receiver_moves: &[ReceiverMove], free: &[u32]) {
         self.max_displacement = 0.0;
         for &k in &self.changing {
-            let body = &mut self.all[k];
-            let at = body.index as usize;
-            body.center = centers[at];
-            body.displacement = receiver_moves[at].displacement;
-            let displacement = body.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
+            let state = &mut self.all[k];
+            let at = state.index as usize;
+            state.center = centers[at];
+            state.displacement = receiver_moves[at].displacement;
+            let displacement = state.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
             self.max_displacement = self.max_displacement.max(displacement);
-            let first = body.first_type as usize;
-            body.free.clear();
-            body.free.extend_from_slice(&free[first..first + body.receiver.receptor_types().len()]);
+            let first = state.first_type as usize;
+            state.free.clear();
+            state.free.extend_from_slice(&free[first..first + state.receiver.receptor_types().len()]);
         }
     }
 }

@@ -27,7 +27,7 @@ pub(crate) struct PathReflection {
 }
 
 struct Obstacle<'a> {
-    body: &'a ReceiverState,
+    state: &'a ReceiverState,
     /// From the sphere's center to the beginning of the path.
     offset: [f64; 3],
     /// Displacement of the sphere in the step, in µm.
@@ -39,7 +39,7 @@ const BOUNCES: usize = 64;
 
 /// Reflects a path that begins outside all spheres, and `velocity`, in µm per step. Returns `None` if it reaches none.
 pub(crate) fn reflect_path(
-    bodies: &[&ReceiverState],
+    receivers: &[&ReceiverState],
     domain: &Boundary,
     path: &Path,
     velocity: &mut [f32; 3],
@@ -49,13 +49,13 @@ pub(crate) fn reflect_path(
         let to = if matches!(domain.axes[k], Axis::Reflecting { .. }) { path.after[k] } else { path.end[k] };
         f64::from(to) - f64::from(path.before[k])
     });
-    let obstacles = obstacles(bodies, domain, path, displacement);
+    let obstacles = obstacles(receivers, domain, path, displacement);
     let (mut traveled, mut length, mut time, mut first) = ([0.0; 3], 0.0, 0.0, None);
     let at = |traveled: [f64; 3]| std::array::from_fn(|k| (f64::from(path.before[k]) + traveled[k]) as f32);
     for _ in 0..BOUNCES {
         let left = 1.0 - time;
         let meets = |o: &Obstacle<'_>| {
-            Some((o.meeting(traveled, time, displacement).filter(|&s| s < left)?, o.body.index))
+            Some((o.meeting(traveled, time, displacement).filter(|&s| s < left)?, o.state.index))
         };
         let next = obstacles.iter().filter_map(|o| Some((meets(o)?, o)));
         let Some(((after, index), obstacle)) = next.min_by(|(a, _), (b, _)| a.0.total_cmp(&b.0)) else {
@@ -71,41 +71,41 @@ pub(crate) fn reflect_path(
         let distance = dot(out, out).sqrt();
         let normal = out.map(|c| c / distance);
         displacement = reflected_velocity(displacement, obstacle.displacement, normal);
-        let drift = obstacle.body.drift.map(f64::from);
+        let drift = obstacle.state.drift.map(f64::from);
         *velocity = reflected_velocity(velocity.map(f64::from), drift, normal).map(|c| c as f32);
     }
     let (first, contact) = first?;
     let end = at(traveled);
     let reflection =
         PathReflection { contact, last: [at(std::array::from_fn(|k| traveled[k] - displacement[k])), end] };
-    let after = outside(bodies, domain, path.before, domain.confine(end));
+    let after = outside(receivers, domain, path.before, domain.confine(end));
     Some(ReflectedPath { path: Path { end, after, ..*path }, first, path_length: length as f32, reflection })
 }
 
 /// Returns each sphere at its images nearest to the beginning and to the end of the path, if these differ.
 fn obstacles<'a>(
-    bodies: &[&'a ReceiverState],
+    receivers: &[&'a ReceiverState],
     domain: &Boundary,
     path: &Path,
     displacement: [f64; 3],
 ) -> Vec<Obstacle<'a>> {
-    let mut obstacles = Vec::with_capacity(bodies.len());
-    for &body in bodies {
-        let receiver_displacement = body.displacement.map(f64::from);
+    let mut obstacles = Vec::with_capacity(receivers.len());
+    for &state in receivers {
+        let receiver_displacement = state.displacement.map(f64::from);
         let exact = |from: [f32; 3], to: [f64; 3]| -> [f64; 3] {
             std::array::from_fn(|k| domain.axes[k].displacement_exact(to[k] - f64::from(from[k])))
         };
         let before = path.before.map(f64::from);
-        let offset = exact(body.center, before);
+        let offset = exact(state.center, before);
         let last = exact(
-            body.center,
+            state.center,
             std::array::from_fn(|k| before[k] + displacement[k] - receiver_displacement[k]),
         );
         let other: [f64; 3] = std::array::from_fn(|k| last[k] - (displacement[k] - receiver_displacement[k]));
-        let differs = (0..3).any(|k| (other[k] - offset[k]).abs() > f64::from(body.receiver.radius));
-        obstacles.push(Obstacle { body, offset, displacement: receiver_displacement });
+        let differs = (0..3).any(|k| (other[k] - offset[k]).abs() > f64::from(state.receiver.radius));
+        obstacles.push(Obstacle { state, offset, displacement: receiver_displacement });
         if differs {
-            obstacles.push(Obstacle { body, offset: other, displacement: receiver_displacement });
+            obstacles.push(Obstacle { state, offset: other, displacement: receiver_displacement });
         }
     }
     obstacles
@@ -121,7 +121,7 @@ impl Obstacle<'_> {
         let from = self.offset_at(traveled, time);
         let displacement: [f64; 3] = std::array::from_fn(|k| displacement[k] - self.displacement[k]);
         let (a, b) = (dot(displacement, displacement), dot(from, displacement));
-        let c = (dot(from, from) - f64::from(self.body.receiver.radius).powi(2)).max(0.0);
+        let c = (dot(from, from) - f64::from(self.state.receiver.radius).powi(2)).max(0.0);
         let root = b * b - a * c;
         (b < 0.0 && root >= 0.0).then(|| c / (root.sqrt() - b))
     }
@@ -135,20 +135,21 @@ fn reflected_velocity(velocity: [f64; 3], of_surface: [f64; 3], normal: [f64; 3]
 
 /// Returns `after`, or `before` if walls or rounding moved `after` into a sphere. A sphere that covers both pushes the
 /// particle out.
-fn outside(bodies: &[&ReceiverState], domain: &Boundary, before: [f32; 3], after: [f32; 3]) -> [f32; 3] {
+fn outside(receivers: &[&ReceiverState], domain: &Boundary, before: [f32; 3], after: [f32; 3]) -> [f32; 3] {
     let inside = |point: [f32; 3]| {
-        let height =
-            |body: &ReceiverState| signed_distance(body.receiver.radius, body.center_at(1.0), domain, point);
-        bodies.iter().find(|body| height(body) < 0.0)
+        let height = |state: &ReceiverState| {
+            signed_distance(state.receiver.radius, state.center_at(1.0), domain, point)
+        };
+        receivers.iter().find(|state| height(state) < 0.0)
     };
     if inside(after).is_none() {
         return after;
     }
-    let Some(body) = inside(before) else { return before };
-    let center = body.center_at(1.0);
+    let Some(state) = inside(before) else { return before };
+    let center = state.center_at(1.0);
     let out = domain.displacement(center, before);
     let length = (out[0] * out[0] + out[1] * out[1] + out[2] * out[2]).sqrt().max(f32::MIN_POSITIVE);
-    let factor = body.receiver.radius / length * (1.0 + 1e-5);
+    let factor = state.receiver.radius / length * (1.0 + 1e-5);
     domain.confine(std::array::from_fn(|k| center[k] + factor * out[k]))
 }
 
@@ -158,7 +159,7 @@ mod tests {
     use crate::model::receiver::{Receiver, ReceiverKind};
     use crate::random::philox::{open_unit, philox};
 
-    fn body(center: [f32; 3], radius: f32) -> ReceiverState {
+    fn state(center: [f32; 3], radius: f32) -> ReceiverState {
         let receiver = Receiver { center, radius, kind: ReceiverKind::Reflecting, ..Receiver::default() };
         ReceiverState::new(0, receiver, 1.0)
     }
@@ -175,7 +176,7 @@ mod tests {
 
     #[test]
     fn reflected_paths_have_the_angle_of_incidence() {
-        let (open, ball) = (Boundary::default(), body([0.0; 3], 1.0));
+        let (open, ball) = (Boundary::default(), state([0.0; 3], 1.0));
         let mut velocity = [-3.0, 5.0, 0.0];
         let mut end = |from, to| reflect_path(&[&ball], &open, &path(from, to, &open), &mut velocity);
         assert_eq!(end([3.0, 0.0, 0.0], [1.5, 2.0, 0.0]), None);
@@ -184,7 +185,7 @@ mod tests {
         let aside = end([3.0, half, 0.0], [half - 1.0, half, 0.0]).unwrap();
         close(aside.path.after, [half, half + 1.0, 0.0]);
         close(velocity, [-5.0, -3.0, 0.0]);
-        let (left, right) = (body([-2.0, 0.0, 0.0], 1.0), body([2.0, 0.0, 0.0], 1.0));
+        let (left, right) = (state([-2.0, 0.0, 0.0], 1.0), state([2.0, 0.0, 0.0], 1.0));
         let to_and_fro = path([0.0; 3], [7.5, 0.0, 0.0], &open);
         close(
             reflect_path(&[&left, &right], &open, &to_and_fro, &mut velocity).unwrap().path.after,
@@ -193,9 +194,9 @@ mod tests {
     }
 
     #[test]
-    fn a_moving_body_pushes_a_resting_particle() {
+    fn a_moving_receiver_pushes_a_resting_particle() {
         let open = Boundary::default();
-        let mut ball = body([-3.0, 0.0, 0.0], 1.0);
+        let mut ball = state([-3.0, 0.0, 0.0], 1.0);
         ball.displacement = [4.0, 0.0, 0.0];
         ball.drift = ball.displacement;
         let mut velocity = [0.0; 3];
@@ -209,7 +210,7 @@ mod tests {
         let domains = [Boundary::periodic([-2.0; 3], [2.0; 3]), Boundary::reflecting([-2.0; 3], [2.0; 3])];
         for domain in domains {
             let balls =
-                [body([2.0, 0.0, 0.0], 1.0), body([-1.0, 0.5, 0.0], 0.9), body([0.4, -1.5, 1.0], 0.7)];
+                [state([2.0, 0.0, 0.0], 1.0), state([-1.0, 0.5, 0.0], 0.9), state([0.4, -1.5, 1.0], 0.7)];
             let balls: Vec<&ReceiverState> = balls.iter().collect();
             let is_out = |p: [f32; 3]| {
                 balls.iter().all(|b| signed_distance(b.receiver.radius, b.center, &domain, p) >= 0.0)

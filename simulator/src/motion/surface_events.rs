@@ -109,14 +109,14 @@ impl ActiveReceivers {
         receivers: impl Iterator<Item = &'a ReceiverState>,
     ) -> Option<Capture> {
         let ParticleMove { at, species, who, path, .. } = *moved;
-        let seen = receivers.filter(|body| body.receiver.sees[species as usize]);
+        let seen = receivers.filter(|state| state.receiver.sees[species as usize]);
         if self.any_reflect() {
             return reflect_or_keep(moved, surroundings, seen);
         }
         let mut first = FirstHit::default();
-        for body in seen {
-            if let Some(hit) = hits(body, surroundings.domain, &path, who) {
-                first.update(who, Capture { hit, event: Event::Arrived { at, receiver: body.index } });
+        for state in seen {
+            if let Some(hit) = hits(state, surroundings.domain, &path, who) {
+                first.update(who, Capture { hit, event: Event::Arrived { at, receiver: state.index } });
             }
         }
         first.0
@@ -143,11 +143,12 @@ fn reflect_or_keep<'a>(
     seen: impl Iterator<Item = &'a ReceiverState>,
 ) -> Option<Capture> {
     let ParticleMove { at, species, who, path, free_end, .. } = *moved;
-    let is_outside =
-        |body: &ReceiverState| signed_distance(body.receiver.radius, body.center, domain, path.before) >= 0.0;
-    let reflects = |body: &ReceiverState| body.receiver.kind.reflects();
-    let near: Vec<&ReceiverState> = seen.filter(|body| !reflects(body) || is_outside(body)).collect();
-    let reflecting: Vec<&ReceiverState> = near.iter().copied().filter(|body| reflects(body)).collect();
+    let is_outside = |state: &ReceiverState| {
+        signed_distance(state.receiver.radius, state.center, domain, path.before) >= 0.0
+    };
+    let reflects = |state: &ReceiverState| state.receiver.kind.reflects();
+    let near: Vec<&ReceiverState> = seen.filter(|state| !reflects(state) || is_outside(state)).collect();
+    let reflecting: Vec<&ReceiverState> = near.iter().copied().filter(|state| reflects(state)).collect();
     let mut velocity = moved.velocity.unwrap_or_default().map(|v| v * duration);
     let walls = walls.iter().filter(|wall| wall.sees[species as usize]);
     let aimed = walls.fold(path, |path, wall| wall.aim(domain, path, free_end));
@@ -157,16 +158,16 @@ fn reflect_or_keep<'a>(
         moved.velocity = moved.velocity.map(|_| velocity.map(|v| v / duration));
     }
     let mut first = FirstHit::default();
-    for body in near.into_iter().filter(|body| body.receiver.kind != ReceiverKind::Reflecting) {
+    for state in near.into_iter().filter(|state| state.receiver.kind != ReceiverKind::Reflecting) {
         // The path to the first reflecting surface is the original one.
         let taken = match &reflected {
-            Some(ReflectedPath { first, path, .. }) if *first != body.index => path,
+            Some(ReflectedPath { first, path, .. }) if *first != state.index => path,
             _ => &path,
         };
-        let Some(hit) = hits(body, domain, taken, who) else { continue };
-        let event = match reflects(body) {
-            true => adsorb(moved, body, (domain, taken, duration)),
-            false => Some(Event::Arrived { at, receiver: body.index }),
+        let Some(hit) = hits(state, domain, taken, who) else { continue };
+        let event = match reflects(state) {
+            true => adsorb(moved, state, (domain, taken, duration)),
+            false => Some(Event::Arrived { at, receiver: state.index }),
         };
         if let Some(event) = event {
             first.update(who, Capture { hit, event });
@@ -177,48 +178,49 @@ fn reflect_or_keep<'a>(
 
 fn adsorb(
     moved: &ParticleMove,
-    body: &ReceiverState,
+    state: &ReceiverState,
     (domain, path, time_step): (&Boundary, &Path, f32),
 ) -> Option<Event> {
     let ParticleMove { at, species, who, .. } = *moved;
-    let has_receptors = matches!(body.receiver.kind, ReceiverKind::Receptors(_));
-    let reactivity = body.reactivities(species).sum();
+    let has_receptors = matches!(state.receiver.kind, ReceiverKind::Receptors(_));
+    let reactivity = state.reactivities(species).sum();
     if has_receptors && reactivity <= 0.0 {
         return None;
     }
-    let [a, b] = body.heights(domain, [path.before, path.after], [0.0, 1.0]);
-    let sticking = if has_receptors { Adsorption::Reactivity(reactivity) } else { body.sticking };
+    let [a, b] = state.heights(domain, [path.before, path.after], [0.0, 1.0]);
+    let sticking = if has_receptors { Adsorption::Reactivity(reactivity) } else { state.sticking };
     let probability = match sticking {
         Adsorption::PerStep(probability) => probability,
         Adsorption::Reactivity(reactivity) => {
-            let diffusion = f64::from(path.diffusion + body.diffusion);
-            let sphere = (f64::from(body.curved_radius()), reactivity);
+            let diffusion = f64::from(path.diffusion + state.diffusion);
+            let sphere = (f64::from(state.curved_radius()), reactivity);
             adsorption::Step::new(diffusion, time_step.into(), sphere).sticking([a, b].map(f64::from))
         }
     };
     // The first word has decided on the hit.
-    let [_, word, rank, of_type] = who.draw(body.index, Purpose::Receiver);
+    let [_, word, rank, of_type] = who.draw(state.index, Purpose::Receiver);
     if fine_unit(word) >= probability {
         return None;
     }
-    let receiver = body.index;
+    let receiver = state.index;
     if !has_receptors {
         return Some(Event::Arrived { at, receiver });
     }
     let [a, b] = [a.abs(), b.abs()];
     let time = if a + b > 0.0 { a / (a + b) } else { 0.0 };
     let touching = std::array::from_fn(|k| path.before[k] + time * (path.end[k] - path.before[k]));
-    let out = domain.displacement(body.center_at(time), touching);
+    let out = domain.displacement(state.center_at(time), touching);
     let length = (out[0] * out[0] + out[1] * out[1] + out[2] * out[2]).sqrt();
     let direction = if length > 0.0 { out.map(|c| c / length) } else { [1.0, 0.0, 0.0] };
-    let receptor = body.first_type + chosen_type(body, species, fine_unit(of_type) * reactivity);
+    let receptor = state.first_type + chosen_type(state, species, fine_unit(of_type) * reactivity);
     Some(Event::Bound { at, receiver, receptor, direction, rank })
 }
 
 /// Returns the type at which the running sum of reactivities passes `at`.
-fn chosen_type(body: &ReceiverState, species: u32, mut at: f64) -> u32 {
+fn chosen_type(state: &ReceiverState, species: u32, mut at: f64) -> u32 {
     let mut last = 0;
-    for (k, reactivity) in (0..).zip(body.reactivities(species)).filter(|&(_, reactivity)| reactivity > 0.0) {
+    for (k, reactivity) in (0..).zip(state.reactivities(species)).filter(|&(_, reactivity)| reactivity > 0.0)
+    {
         last = k;
         at -= reactivity;
         if at < 0.0 {

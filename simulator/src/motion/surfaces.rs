@@ -7,7 +7,7 @@ use crate::motion::wall::AbsorbingWall;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Surfaces {
-    pub(crate) bodies: ActiveReceivers,
+    pub(crate) active_receivers: ActiveReceivers,
     walls: Vec<AbsorbingWall>,
     membranes: Vec<Membrane>,
     /// Indexed by receiver and species.
@@ -24,7 +24,7 @@ pub(crate) struct SpeciesSurfaces<'a> {
 impl Surfaces {
     pub(crate) fn new(model: &Model) -> Self {
         Self {
-            bodies: ActiveReceivers::new(model),
+            active_receivers: ActiveReceivers::new(model),
             walls: AbsorbingWall::all(model),
             membranes: model.membranes.clone(),
             sees: model.receivers.iter().map(|receiver| receiver.sees.clone()).collect(),
@@ -32,7 +32,7 @@ impl Surfaces {
     }
 
     pub(crate) fn is_empty(&self) -> bool {
-        self.bodies.all.is_empty() && self.walls.is_empty() && self.membranes.is_empty()
+        self.active_receivers.all.is_empty() && self.walls.is_empty() && self.membranes.is_empty()
     }
 
     pub(crate) fn has_membranes(&self) -> bool {
@@ -65,11 +65,11 @@ impl SpeciesSurfaces<'_> {
         moved: &mut ParticleMove,
         receivers: impl Iterator<Item = &'b ReceiverState>,
     ) -> Option<Capture> {
-        let Self { surfaces: Surfaces { bodies, walls, .. }, step, duration } = self;
+        let Self { surfaces: Surfaces { active_receivers, walls, .. }, step, duration } = self;
         let (species, after) = (moved.species, moved.path.after);
-        let near_side = receivers.filter(|body| !self.separates(species, [after, body.center]));
+        let near_side = receivers.filter(|state| !self.separates(species, [after, state.center]));
         let surroundings = PathSurroundings { domain: &step.domain, duration: *duration, walls };
-        let capture = bodies.resolve(moved, surroundings, near_side);
+        let capture = active_receivers.resolve(moved, surroundings, near_side);
         // Receivers that reflect are so far from membranes that they carry at most one step in 16 000 across one.
         if moved.reflection.is_some() && self.separates(species, [after, moved.path.after]) {
             moved.stay();

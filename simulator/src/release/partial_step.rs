@@ -209,8 +209,12 @@ impl<'a> PartialStep<'a> {
         let time =
             StepTime { duration: age, flow_fraction: model.flow_fraction([batch.now - age, batch.now]) };
         let step_fraction = (age / model.time_step) as f32;
-        let constants =
-            SpeciesStep::new(model, species as usize, time, step_fraction * surfaces.bodies.diffusion);
+        let constants = SpeciesStep::new(
+            model,
+            species as usize,
+            time,
+            step_fraction * surfaces.active_receivers.diffusion,
+        );
         Self { surfaces, receiver_moves, constants, paths: FreePaths::new(model, time), step_fraction }
     }
 
@@ -228,7 +232,7 @@ impl<'a> PartialStep<'a> {
         let mut capture = self.resolve(moved, near.iter().copied(), hit_distance);
         if moved.path_length > length * (1.0 + ROUNDED) {
             *moved = begun;
-            capture = self.resolve(moved, self.surfaces.bodies.all.iter(), f32::INFINITY);
+            capture = self.resolve(moved, self.surfaces.active_receivers.all.iter(), f32::INFINITY);
         }
         capture
     }
@@ -236,23 +240,23 @@ impl<'a> PartialStep<'a> {
     fn resolve<'b>(
         &self,
         moved: &mut ParticleMove,
-        bodies: impl Iterator<Item = &'b ReceiverState>,
+        receivers: impl Iterator<Item = &'b ReceiverState>,
         hit_distance: f32,
     ) -> Option<Capture> {
         let before = moved.path.before;
-        let near = bodies.filter_map(|body| {
-            let receiver_move = self.receiver_moves[body.index as usize];
+        let near = receivers.filter_map(|state| {
+            let receiver_move = self.receiver_moves[state.index as usize];
             let displacement = receiver_move.displacement.map(|w| self.step_fraction * w);
             let center = std::array::from_fn(|k| receiver_move.center[k] - displacement[k]);
-            let radius = body.receiver.radius;
+            let radius = state.receiver.radius;
             let height = signed_distance(radius, center, &self.constants.domain, before);
             let slack = rounding(before, 2.0 * radius + height.abs());
             (height <= hit_distance + length(displacement) + slack).then(|| ReceiverState {
                 center,
                 displacement,
-                drift: body.drift.map(|w| self.step_fraction * w),
-                diffusion: self.step_fraction * body.diffusion,
-                ..body.clone()
+                drift: state.drift.map(|w| self.step_fraction * w),
+                diffusion: self.step_fraction * state.diffusion,
+                ..state.clone()
             })
         });
         let near: Vec<ReceiverState> = near.collect();
@@ -276,14 +280,14 @@ impl<'a> ReleaseStep<'a> {
             hit_distance + rounding(before, hit_distance)
         };
         let hit_distance = moves().map(hit_distance).fold(0.0, f32::max);
-        let is_near = |body: &&ReceiverState| {
-            let receiver_move = self.receiver_moves[body.index as usize];
-            let height = signed_distance(body.receiver.radius, receiver_move.center, boundary, center);
-            let slack = rounding(center, 2.0 * body.receiver.radius + height.abs() + hit_distance);
+        let is_near = |state: &&ReceiverState| {
+            let receiver_move = self.receiver_moves[state.index as usize];
+            let height = signed_distance(state.receiver.radius, receiver_move.center, boundary, center);
+            let slack = rounding(center, 2.0 * state.receiver.radius + height.abs() + hit_distance);
             // One displacement from the end of the step to the release, and one in the path since.
             height <= hit_distance + 2.0 * length(receiver_move.displacement) + slack
         };
-        self.events.surfaces.bodies.all.iter().filter(is_near).collect()
+        self.events.surfaces.active_receivers.all.iter().filter(is_near).collect()
     }
 }
 

@@ -219,7 +219,7 @@ fn steady_release_stays_outside_of_reflecting_surfaces() {
 }
 
 #[test]
-fn steady_release_around_a_diffusing_body_stays_outside() {
+fn steady_release_around_a_diffusing_receiver_stays_outside() {
     let mut model = beside_a_sphere(ReceiverKind::Reflecting, 0.01);
     model.receivers[0].diffusion = 1.0;
     let transmitter = &mut model.transmitters[0];

@@ -75,7 +75,7 @@ impl Simulation {
         let detector = detector(&model, algorithm)?;
         Ok(Self {
             key: Key::new(seed),
-            receiver_search: ReceiverSearch::new(&motion.surfaces.bodies, &model.boundary)?,
+            receiver_search: ReceiverSearch::new(&motion.surfaces.active_receivers, &model.boundary)?,
             motion,
             reactions: Reactions::new(&model),
             collisions: Collisions::new(&model)?,
@@ -186,7 +186,7 @@ impl Simulation {
         surface_steps.advance(&mut state.bound, now);
         let leaving = binding::leaving(model, &state.bound, free, now);
         let receiver_moves = receiver_state::move_receivers(model, &state.centers, now.key, state.step);
-        motion.surfaces.bodies.set(&state.centers, &receiver_moves, free);
+        motion.surfaces.active_receivers.set(&state.centers, &receiver_moves, free);
         motion.set_flow(model, state.step);
         let mut flights = None;
         if let Some(collisions) = collisions {

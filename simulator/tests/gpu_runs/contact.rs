@@ -155,12 +155,12 @@ fn overlaps_are_separated_as_on_the_cpu() {
 }
 
 #[test]
-fn crowd_is_not_pushed_into_a_body_and_moves_as_on_the_cpu() {
+fn crowd_is_not_pushed_into_a_receiver_and_moves_as_on_the_cpu() {
     let Some(device) = device() else { return };
     for velocity in [0.0, 20.0] {
         let mut model = crowd(Contact::Separate, 0.3, 0.14, 6);
         model.transmitters[0].shape = Shape::Shell(2.6, 3.5);
-        let body = |radius, sees| Receiver {
+        let receiver = |radius, sees| Receiver {
             radius,
             sees,
             kind: ReceiverKind::Reflecting,
@@ -168,8 +168,8 @@ fn crowd_is_not_pushed_into_a_body_and_moves_as_on_the_cpu() {
             ..Receiver::default()
         };
         // Four or more receivers have lists.
-        model.receivers = vec![body(2.5, vec![true, true])];
-        model.receivers.extend((1..5).map(|k| body(0.2 * k as f32, vec![true, false])));
+        model.receivers = vec![receiver(2.5, vec![true, true])];
+        model.receivers.extend((1..5).map(|k| receiver(0.2 * k as f32, vec![true, false])));
         let mut runs = Runs::new(&device, &model, 5);
         let step = |run: &mut GpuSimulation| {
             run.run(1).expect("a step");

@@ -26,7 +26,7 @@ pub(super) fn surfaces() -> Model {
     }
 }
 
-fn bodies() -> Model {
+fn reflecting_receivers() -> Model {
     let mut model = surfaces();
     for (k, receiver) in model.receivers.iter_mut().enumerate().skip(1) {
         receiver.velocity = [0.5 * k as f64, -1.0, 0.25];
@@ -50,7 +50,7 @@ fn arrivals_since_the_release_are_those_of_the_cpu() {
     let Some(device) = device() else { return };
     let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 4e4)] };
     let steady = |center| Transmitter { center, schedule: schedule.clone(), ..burst(Shape::Point, &[]) };
-    let mut model = bodies();
+    let mut model = reflecting_receivers();
     model.transmitters = vec![steady([0.85, 1.25, 1.25]), steady([0.0, 0.0, 0.8])];
     model.logs_arrivals = true;
     let mut runs = Runs::new(&device, &model, 5);
@@ -80,7 +80,7 @@ fn surfaces_act_as_on_the_cpu() {
 #[test]
 fn transmitters_go_where_they_go_on_the_cpu() {
     let Some(device) = device() else { return };
-    let mut model = bodies();
+    let mut model = reflecting_receivers();
     model.transmitters[0].schedule = Schedule::Times((0..8).map(|k| 0.005 * f64::from(k)).collect());
     model.transmitters[0].release[0].1 = 100;
     model.transmitters[0].carrier = Some(7);
@@ -93,15 +93,15 @@ fn transmitters_go_where_they_go_on_the_cpu() {
 }
 
 #[test]
-fn bodies_go_where_they_go_on_the_cpu() {
+fn receivers_move_as_on_the_cpu() {
     let Some(device) = device() else { return };
-    let mut model = bodies();
+    let mut model = reflecting_receivers();
     model.boundary.axes[0] = Axis::Periodic { low: -2.0, high: 2.0 };
     let state = compare(&model, 12, 8);
     let mut at_once = gpu(&device, &model, 12);
     at_once.run(8).expect("steps");
     assert_close(&at_once.state().expect("a state"), &state, 2e-4);
-    let mut model = bodies();
+    let mut model = reflecting_receivers();
     model.receivers.retain(|receiver| !receiver.kind.reflects());
     compare(&model, 13, 8);
 }
@@ -240,7 +240,7 @@ fn few_receptors_go_to_the_lowest_ranks() {
 #[test]
 fn either_side_continues_with_bound_particles() {
     let Some(first_device) = device() else { return };
-    let model = bodies();
+    let model = reflecting_receivers();
     let mut whole = cpu(&model, 16);
     steps(&mut whole, 9);
     let mut first = cpu(&model, 16);

@@ -154,13 +154,13 @@ fn bursts_of_points_and_reactants_are_those_of_one_process() {
     }
 }
 
-fn around_bodies() -> Model {
+fn around_receivers() -> Model {
     let mut model = crowd(Contact::Separate, 0.25, 9);
     let Axis::Periodic { high, .. } = model.boundary.axes[0] else { unreachable!() };
     let center = [high / 2.0; 3];
     let release = model.transmitters[0].release.clone();
     model.transmitters = vec![burst(center, Shape::Shell(1.6, high / 2.0), release)];
-    let body = |center, radius, velocity| Receiver {
+    let receiver = |center, radius, velocity| Receiver {
         center,
         radius,
         velocity: [velocity, 0.0, 0.0],
@@ -168,7 +168,7 @@ fn around_bodies() -> Model {
         sees: vec![true, true, false],
         ..Receiver::default()
     };
-    model.receivers = vec![body(center, 1.5, 0.0), body([0.5; 3], 0.6, 10.0)];
+    model.receivers = vec![receiver(center, 1.5, 0.0), receiver([0.5; 3], 0.6, 10.0)];
     model.reactions = vec![Reaction {
         reactants: [0, 1],
         products: [Some(2), None],
@@ -180,8 +180,8 @@ fn around_bodies() -> Model {
 }
 
 #[test]
-fn bodies_and_reactions_within_contact_are_those_of_one_process() {
-    let model = around_bodies();
+fn receivers_and_reactions_within_contact_equal_those_of_one_process() {
+    let model = around_receivers();
     let totals = &alone(&model, 7, 8).pop().unwrap().state.totals;
     assert!(totals.reacted[0] > 20 && totals.contacts > 100, "{totals:?}");
     let without = Model { receivers: Vec::new(), ..model.clone() };

@@ -107,11 +107,11 @@ pub(crate) fn membranes() -> Vec<Row> {
     let simulation = run_for(&closed, 15, 50);
     let arrived = simulation.state().totals.arrived[0][0];
     rows.push(Row::exact("closed, arrived at one that moves", 0, arrived));
-    rows.extend(diffusing_body());
+    rows.extend(diffusing_receiver());
     rows
 }
 
-fn diffusing_body() -> Vec<Row> {
+fn diffusing_receiver() -> Vec<Row> {
     const RADIUS: f64 = 0.35;
     const COUNT: u32 = 2500;
     let surface = |position| MembraneSurface::Plane { axis: 0, position };

@@ -17,7 +17,7 @@ fn model(time_step: f64, boundary: &str, drift: f64, center: &str, faces: &[&str
     scenario(text)
 }
 
-fn body(distance: f32, radius: f32) -> Receiver {
+fn reflecting_sphere(distance: f32, radius: f32) -> Receiver {
     let center = [distance + radius, 0.0, 0.0];
     Receiver { center, ..receiver(radius.into(), ReceiverKind::Reflecting) }
 }
@@ -108,7 +108,7 @@ pub(crate) fn absorbing_walls() -> Vec<Row> {
     add("slit, both planes".to_owned(), 1.0 - survival, both);
     for (seed, start, count) in [(11, 0.4, 1), (12, 0.25, 1), (13, 0.25, 5)] {
         let mut model = model(0.045, &box_of(3000.0), 0.0, &format!("[{start}, 0, 0]"), &["low-x"]);
-        model.receivers.push(body(0.5, 1000.0));
+        model.receivers.push(reflecting_sphere(0.5, 1000.0));
         let mode = |n: u32| {
             let k = f64::from(2 * n + 1) * std::f64::consts::PI;
             4.0 / k * (k * start).sin() * (-k * k * D * 0.045 * f64::from(count)).exp()

@@ -219,15 +219,15 @@ fn length([x, y, z]: [f32; 3]) -> f32 {
 }
 
 fn transmitter(transmitter: &Transmitter) -> Transceiver {
-    let body = |kind, along, size| Solid { kind, along, size };
+    let solid = |kind, along, size| Solid { kind, along, size };
     let shape = match transmitter.shape {
-        Shape::Point => body("ball", 0, [0.0; 3]),
-        Shape::Gaussian(width) => body("ball", 0, [width; 3]),
-        Shape::Shell(_, radius) => body("ball", 0, [radius; 3]),
-        Shape::Box(sides) | Shape::Lattice(sides, _) => body("box", 0, sides.map(|side| side / 2.0)),
+        Shape::Point => solid("ball", 0, [0.0; 3]),
+        Shape::Gaussian(width) => solid("ball", 0, [width; 3]),
+        Shape::Shell(_, radius) => solid("ball", 0, [radius; 3]),
+        Shape::Box(sides) | Shape::Lattice(sides, _) => solid("box", 0, sides.map(|side| side / 2.0)),
         Shape::Cylinder(along, radius, length) => {
             let half = |k: usize| if k == along { length / 2.0 } else { radius };
-            body("cylinder", along, std::array::from_fn(half))
+            solid("cylinder", along, std::array::from_fn(half))
         }
     };
     Transceiver {

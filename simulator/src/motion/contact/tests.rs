@@ -115,9 +115,9 @@ fn reaction_within_contact_distance_has_its_rate() {
 }
 
 #[test]
-fn crowd_does_not_push_particles_into_a_body() {
+fn crowd_does_not_push_particles_into_a_receiver() {
     for velocity in [0.0, 20.0] {
-        let body = Receiver {
+        let receiver = Receiver {
             radius: 2.5,
             kind: ReceiverKind::Reflecting,
             sees: vec![true],
@@ -129,7 +129,7 @@ fn crowd_does_not_push_particles_into_a_body() {
             species: vec![kind("A", 0.5)],
             contact: Contact::Separate,
             boundary: Boundary::periodic([-5.0; 3], [5.0; 3]),
-            receivers: vec![body],
+            receivers: vec![receiver],
             transmitters: vec![burst(Shape::Shell(2.6, 5.0), &[(0, 500)])],
             ..Model::default()
         };
@@ -147,12 +147,12 @@ fn crowd_does_not_push_particles_into_a_body() {
 }
 
 #[test]
-fn bodies_that_a_search_finds_are_those_of_all_tests() {
+fn spheres_that_a_search_finds_equal_those_of_all_tests() {
     let point = |k: u32| {
         let [x, y, z, by] = philox([k, 0, 0, 0], [3, 4]).map(open_unit);
         ([10.0 * x, 10.0 * y, 10.0 * z], 0.6 * by)
     };
-    let body = |k: u32| Receiver {
+    let receiver = |k: u32| Receiver {
         center: point(k).0,
         radius: 1.5 * point(k).1,
         kind: ReceiverKind::Reflecting,
@@ -160,8 +160,8 @@ fn bodies_that_a_search_finds_are_those_of_all_tests() {
         ..Receiver::default()
     };
     let boundary = Boundary::periodic([0.0; 3], [10.0; 3]);
-    let receivers = (0..300).map(body).collect();
-    let bodies = Bodies::new(&Model { receivers, boundary, ..Model::default() });
+    let receivers = (0..300).map(receiver).collect();
+    let reflecting_spheres = ReflectingSpheres::new(&Model { receivers, boundary, ..Model::default() });
     let shift = |k: u32| {
         let (from, by) = point(1000 + k);
         let to = boundary.confine([from[0] + by, from[1] - by, from[2] + 0.5 * by]);
@@ -171,7 +171,7 @@ fn bodies_that_a_search_finds_are_those_of_all_tests() {
     let retained = |size: usize| -> Vec<usize> {
         let chunks = all.chunks(size).map(|chunk| {
             let mut chunk = chunk.to_vec();
-            bodies.retain_outside(&mut chunk);
+            reflecting_spheres.retain_outside(&mut chunk);
             chunk
         });
         chunks.flatten().map(|shift| shift.at).collect()

@@ -3,7 +3,7 @@ use crate::model::receiver::Receiver;
 use crate::model::vessel::Vessel;
 use crate::random::philox::Key;
 
-fn body(kind: ReceiverKind) -> ReceiverState {
+fn receiver_state(kind: ReceiverKind) -> ReceiverState {
     let receiver =
         Receiver { center: [1.0, 0.0, 0.0], radius: 1.0, kind, sees: vec![true], ..Receiver::default() };
     ReceiverState::new(0, receiver, 1.0)
@@ -23,7 +23,9 @@ fn diffusion_follows_the_bridge() {
     let n = 20_000;
     let met = |kind: ReceiverKind| {
         (0..n)
-            .filter(|&id| hits(&body(kind.clone()), &open, &step, DrawContext { id, ..DRAWS }).is_some())
+            .filter(|&id| {
+                hits(&receiver_state(kind.clone()), &open, &step, DrawContext { id, ..DRAWS }).is_some()
+            })
             .count()
     };
     let p = f64::from(hit_probability(1.0, [0.5, 0.25], 0.25));
@@ -32,9 +34,9 @@ fn diffusion_follows_the_bridge() {
     assert!(error.abs() < 4.0, "{error} standard errors");
     assert_eq!(met(ReceiverKind::Endpoint), 0);
     let at_rest = path([1.0, 1.25, 0.0], [1.0, 1.25, 0.0], &open, 0.0);
-    assert_eq!(hits(&body(ReceiverKind::Absorbing), &open, &at_rest, DRAWS), None);
+    assert_eq!(hits(&receiver_state(ReceiverKind::Absorbing), &open, &at_rest, DRAWS), None);
     let inside = path([9.0, 0.0, 0.0], [1.5, 0.0, 0.0], &open, 0.25);
-    assert_eq!(hits(&body(ReceiverKind::Endpoint), &open, &inside, DRAWS), Some(Hit::at(1.0)));
+    assert_eq!(hits(&receiver_state(ReceiverKind::Endpoint), &open, &inside, DRAWS), Some(Hit::at(1.0)));
 }
 
 #[test]
@@ -53,7 +55,8 @@ fn receivers_and_segments_share_no_draws() {
 #[test]
 fn path_without_diffusion_is_followed_through_walls_and_images() {
     let met = |domain: &Boundary, before, end| {
-        hits(&body(ReceiverKind::Absorbing), domain, &path(before, end, domain, 0.0), DRAWS).is_some()
+        hits(&receiver_state(ReceiverKind::Absorbing), domain, &path(before, end, domain, 0.0), DRAWS)
+            .is_some()
     };
     let open = Boundary::default();
     assert!(met(&open, [-3.0, 0.5, 0.0], [9.0, 0.5, 0.0]));
@@ -78,7 +81,7 @@ fn path_without_diffusion_is_followed_to_the_side_of_a_vessel() {
         let before = [1.0, 0.0, 0.0];
         let drift = std::array::from_fn(|k| free_end[k] - before[k]);
         let end = vessel.reflect(before, free_end, &mut [0.0; 3]);
-        let mut ball = body(ReceiverKind::Absorbing);
+        let mut ball = receiver_state(ReceiverKind::Absorbing);
         (ball.center, ball.receiver.radius) = (center, 0.5);
         let path = Path { before, end, after: end, free: free_end, drift, diffusion: 0.0 };
         hits(&ball, &domain, &path, DRAWS).map(|hit| hit.time(DRAWS, 0))
@@ -99,7 +102,7 @@ fn path_without_diffusion_is_followed_past_the_end_and_the_side_of_a_vessel() {
     let drift = std::array::from_fn(|k| free_end[k] - before[k]);
     let end = vessel.reflect(before, free_end, &mut [0.0; 3]);
     let path = Path { before, end, after: domain.confine(end), free: free_end, drift, diffusion: 0.0 };
-    let mut ball = body(ReceiverKind::Absorbing);
+    let mut ball = receiver_state(ReceiverKind::Absorbing);
     ball.receiver.radius = 0.25;
     for (center, expected) in [([1.0, 3.0, 1.5], true), ([1.0, 3.0, 2.5], false)] {
         ball.center = center;
@@ -109,7 +112,7 @@ fn path_without_diffusion_is_followed_past_the_end_and_the_side_of_a_vessel() {
 
 #[test]
 fn little_diffusion_hits_as_none_in_a_vessel() {
-    let mut ball = body(ReceiverKind::Absorbing);
+    let mut ball = receiver_state(ReceiverKind::Absorbing);
     (ball.center, ball.receiver.radius) = ([0.5, 0.3, -0.2], 0.7);
     for along in [None, Some(2)] {
         let vessel = Vessel { along, center: [0.0; 3], radius: 2.0 };
@@ -140,7 +143,7 @@ fn halves_of_a_path_follow_the_drift() {
     let open = Boundary::default();
     for (y, expected) in [(0.5, true), (1.2, false)] {
         let step = Path { diffusion: 1e-6, ..path([-3.0, y, 0.0], [9.0, y, 0.0], &open, 0.0) };
-        let hit = hits(&body(ReceiverKind::Absorbing), &open, &step, DRAWS);
+        let hit = hits(&receiver_state(ReceiverKind::Absorbing), &open, &step, DRAWS);
         assert_eq!(hit.is_some(), expected, "{y}");
     }
 }

@@ -65,7 +65,7 @@ fn run(
 ) -> ((Vec<crate::motion::propagate::Event>, Particles), usize) {
     let mut motion = Propagator::new(model);
     let mut receiver_search =
-        ReceiverSearch::new(&motion.surfaces.bodies, &model.boundary).unwrap().filter(|_| searches);
+        ReceiverSearch::new(&motion.surfaces.active_receivers, &model.boundary).unwrap().filter(|_| searches);
     assert_eq!(receiver_search.is_some(), searches);
     let mut searched = 0;
     let mut particles = Particles::default();
@@ -81,7 +81,7 @@ fn run(
             receiver_search.as_ref().is_some_and(|receiver_search| receiver_search.cost.rest == 0),
         );
         let receiver_moves = move_receivers(model, &centers, Key::new(3), step);
-        motion.surfaces.bodies.set(&centers, &receiver_moves, &vec![5; centers.len()]);
+        motion.surfaces.active_receivers.set(&centers, &receiver_moves, &vec![5; centers.len()]);
         let events = motion
             .advance(&mut particles, receiver_search.as_mut(), None, StepKey { key: Key::new(3), step })
             .unwrap();
@@ -160,12 +160,17 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
         };
         let after = [true, false].map(|searches| {
             let mut motion = Propagator::new(&model);
-            let mut receiver_search =
-                ReceiverSearch::new(&motion.surfaces.bodies, &model.boundary).unwrap().filter(|_| searches);
+            let mut receiver_search = ReceiverSearch::new(&motion.surfaces.active_receivers, &model.boundary)
+                .unwrap()
+                .filter(|_| searches);
             let mut particles = Particles::default();
             particles.push(Particle::default(), false);
             let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
-            motion.surfaces.bodies.set(&centers, &move_receivers(&model, &centers, Key::new(3), 0), &[0; 3]);
+            motion.surfaces.active_receivers.set(
+                &centers,
+                &move_receivers(&model, &centers, Key::new(3), 0),
+                &[0; 3],
+            );
             let events = motion
                 .advance(
                     &mut particles,

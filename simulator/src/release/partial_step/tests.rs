@@ -100,7 +100,7 @@ fn distant_receivers_change_nothing() {
         next_id: 0,
         receiver_moves: &receiver_moves,
     };
-    let all: Vec<_> = events.surfaces.bodies.all.iter().collect();
+    let all: Vec<_> = events.surfaces.active_receivers.all.iter().collect();
     let batch = model.all_batches(1, at.key).next().expect("a batch");
     let born: Vec<_> = (0..batch.count)
         .map(|k| AgedParticle { particle: model.born(&batch, (k, k), at.key), age: batch.age(k, 0) })

@@ -52,7 +52,7 @@ fn every_surface_is_read() {
 }
 
 #[test]
-fn a_lattice_makes_many_and_a_transmitter_is_a_body() {
+fn lattice_makes_many_and_transmitter_has_a_body() {
     let many = "radius = 0.1\nkind = \"absorbing\"\nlattice = { size = [1, 1, 2], places = [2, 1, 4] }";
     let text = with(many).replace("name = \"tx\"", "name = \"tx\"\ncenter = [0, 0.5, 0]\nbody-radius = 0.25");
     let receivers = parse(&text).unwrap().model.receivers;

@@ -11,13 +11,13 @@ use crate::motion::path_hit::length;
 
 /// Reflecting receivers at the end of the step.
 #[derive(Debug)]
-pub(super) struct Bodies {
-    all: Vec<Body>,
+pub(super) struct ReflectingSpheres {
+    all: Vec<ReflectingSphere>,
     boundary: Boundary,
 }
 
 #[derive(Debug)]
-struct Body {
+struct ReflectingSphere {
     /// Index in the model.
     index: usize,
     center: [f32; 3],
@@ -37,51 +37,53 @@ pub(super) struct Shift {
 const MAX_TESTS: usize = 1 << 16;
 const CHUNK: usize = 1 << 16;
 
-impl Bodies {
+impl ReflectingSpheres {
     pub(super) fn new(model: &Model) -> Self {
         let reflecting = model.receivers.iter().enumerate().filter(|(_, receiver)| receiver.reflects_some());
-        let body = |(index, receiver): (usize, &Receiver)| Body {
+        let sphere = |(index, receiver): (usize, &Receiver)| ReflectingSphere {
             index,
             center: receiver.center,
             radius: receiver.radius,
             sees: receiver.sees.clone(),
         };
-        Self { all: reflecting.map(body).collect(), boundary: model.boundary }
+        Self { all: reflecting.map(sphere).collect(), boundary: model.boundary }
     }
 
     pub(super) fn set_centers(&mut self, centers: &[[f32; 3]]) {
-        self.all.iter_mut().for_each(|body| body.center = centers[body.index]);
+        self.all.iter_mut().for_each(|sphere| sphere.center = centers[sphere.index]);
     }
 
-    /// Removes the shifts from outside into a body that sees the species.
+    /// Removes the shifts from outside into a sphere that sees the species.
     pub(super) fn retain_outside(&self, shifts: &mut Vec<Shift>) {
         let candidates = match self.all.len() * shifts.len() {
             0 => return,
             1..=MAX_TESTS => None,
-            // The detector rejects non-finite coordinates, which are in no body; then all bodies are tested.
+            // The detector rejects non-finite coordinates, which are in no sphere; then all spheres are tested.
             _ => self.candidates(shifts).ok(),
         };
-        let enters = |shift: &Shift, body: &Body| body.is_entered(shift, &self.boundary);
+        let enters = |shift: &Shift, sphere: &ReflectingSphere| sphere.is_entered(shift, &self.boundary);
         let is_outside: Vec<bool> = match candidates {
             Some(candidates) => {
                 let mut is_outside = vec![true; shifts.len()];
-                for (body, shift) in candidates {
-                    is_outside[shift] &= !enters(&shifts[shift], &self.all[body]);
+                for (sphere, shift) in candidates {
+                    is_outside[shift] &= !enters(&shifts[shift], &self.all[sphere]);
                 }
                 is_outside
             }
-            None => shifts.par_iter().map(|shift| !self.all.iter().any(|body| enters(shift, body))).collect(),
+            None => {
+                shifts.par_iter().map(|shift| !self.all.iter().any(|sphere| enters(shift, sphere))).collect()
+            }
         };
         let mut retained = is_outside.into_iter();
         shifts.retain(|_| retained.next().unwrap_or(true));
     }
 
-    /// Returns pairs of a body and a shift that ends within the longest shift of its surface.
+    /// Returns pairs of a sphere and a shift that ends within the longest shift of its surface.
     fn candidates(&self, shifts: &[Shift]) -> Result<Vec<(usize, usize)>, Error> {
         let longest = shifts.iter().map(|shift| length(shift.by(&self.boundary))).fold(0.0, f32::max);
-        let grown = |body: &Body| {
-            let radius = body.radius + longest;
-            Sphere::new(body.center, radius + rounding(body.center, 2.0 * radius))
+        let grown = |sphere: &ReflectingSphere| {
+            let radius = sphere.radius + longest;
+            Sphere::new(sphere.center, radius + rounding(sphere.center, 2.0 * radius))
         };
         let spheres: Vec<Sphere> = self.all.iter().map(grown).collect();
         let [x, y, z] = [0, 1, 2].map(|k: usize| shifts.iter().map(|shift| shift.to[k]).collect::<Vec<_>>());
@@ -96,7 +98,7 @@ impl Bodies {
     }
 }
 
-impl Body {
+impl ReflectingSphere {
     fn is_entered(&self, shift: &Shift, boundary: &Boundary) -> bool {
         let height = |point: [f32; 3]| signed_distance(self.radius, self.center, boundary, point);
         if !self.sees[shift.species as usize] || height(shift.from) < 0.0 {
