@@ -29,11 +29,11 @@ const MAX_THERMAL: f32 = 6.0;
 /// Bound of a path's distance from its drift, in √(2DΔt).
 const MAX_SPREADS: f32 = 4.0;
 /// Iterations in which a path passes a sphere once, at most 295 in 3500 bridges of all ratios of drift, diffusion and
-/// radius; all segments of `path_bridge.wgsl`, and all pieces of `path_line.wgsl`.
+/// radius; all segments of `path_bridge.wgsl`, and all segments of `path_line.wgsl`.
 const PASSAGE_ITERATIONS: usize = 400;
 const MAX_SEGMENTS: usize = 8191;
 const MAX_PIECES: usize = 3000;
-/// Reflections of a line in a vessel, followed twice, with a piece between any two.
+/// Reflections of a line in a vessel, followed twice, with a segment between any two.
 const VESSEL_ITERATIONS: usize = 200;
 
 impl Carried {
@@ -142,7 +142,7 @@ pub(super) fn long_path_iterations(model: &Model) -> usize {
         let seen = || model.receivers.iter().filter(follows_path).filter(|receiver| receiver.sees[species]);
         match seen().filter_map(most).sum() {
             0 => 0,
-            // Lines to the other receivers have one piece.
+            // Lines to the other receivers have one segment.
             iterations => iterations + seen().count(),
         }
     };

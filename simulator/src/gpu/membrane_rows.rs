@@ -54,7 +54,7 @@ impl MembraneRows {
         (self.planes.len(), self.spheres.len() / 2)
     }
 
-    /// Returns the largest number of parts of a step.
+    /// Returns the largest number of substeps of a step.
     pub(super) fn max_substeps(&self) -> usize {
         self.planes.iter().map(|row| (row[3] % (1 << MEMBRANE_SHIFT)) >> 2).max().unwrap_or(0) as usize
     }

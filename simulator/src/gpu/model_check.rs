@@ -83,7 +83,7 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
 /// and per plane.
 const MEMBRANE_ITERATIONS: [usize; 3] = [660, 210, 8];
 
-/// Axes along which a step has parts, each with two loops over planes.
+/// Axes along which a step has substeps, each with two loops over planes.
 const AXES: usize = 3;
 
 /// For each of `visits` receivers, loops over planes and spheres find if a membrane separates it.

@@ -88,9 +88,8 @@ const FIRST_WINDOW_ROUNDS: u32 = 8;
 impl GpuSimulation {
     /// Begins a run on a device.
     ///
-    /// # Errors
-    /// [`Error::Model`] for an invalid model, [`Error::NotOnGpu`] for parts without kernels, and [`Error::Detection`]
-    /// if the device fails or has too little memory.
+    /// # Errors [`Error::Model`] for an invalid model, [`Error::NotOnGpu`] for features without kernels, and
+    /// [`Error::Detection`] if the device fails or has too little memory.
     pub fn new(model: Model, seed: u64, device: GpuDevice, options: GpuOptions) -> Result<Self, Error> {
         let state = State::new(&model, seed)?;
         Self::resume(model, seed, device, options, &state)
@@ -110,7 +109,7 @@ impl GpuSimulation {
         Self::resume_slice(model, device, options, RankStart { seed, state, slice: RankSlice::WHOLE })
     }
 
-    /// Resumes a run that releases only the particles of `slice`, from a [`State::part`].
+    /// Resumes a run that releases only the particles of `slice`, from a [`State::into_rank_state`].
     pub(crate) fn resume_slice(
         model: Model,
         device: GpuDevice,

@@ -6,7 +6,7 @@ use crate::Error;
 /// Moved particles and pairs per submission: far below the limit of watchdogs.
 pub(super) const MAX_WORK: u64 = 1 << 24;
 
-/// Submits work in short parts.
+/// Submits work in short command buffers.
 #[derive(Debug)]
 pub(super) struct Submissions {
     gpu: GpuDevice,

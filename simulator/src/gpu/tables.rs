@@ -282,11 +282,8 @@ fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
     let reactions = Reactions::new(model);
     let species = model.species.len() as u32;
     let pairs = || (0..species).flat_map(|a| (0..species).map(move |b| [a, b]));
-    let idle = |pair| ReactionRow {
-        first: NOTHING,
-        share: model.displacement_fraction(pair),
-        ..ReactionRow::default()
-    };
+    let idle =
+        |pair| ReactionRow { first: NOTHING, share: model.first_fraction(pair), ..ReactionRow::default() };
     let mut rows: Vec<_> = pairs().map(idle).collect();
     for [a, b] in pairs() {
         let head = (a * species + b) as usize;

@@ -1,5 +1,5 @@
 /// Indices of tallies: arrivals by receiver and species, decays, reactions, changes of occupied receptors by type,
-/// and by type in turn all and refused requests.
+/// and by type all requests, then refused ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tallies {
     pub(super) species: usize,

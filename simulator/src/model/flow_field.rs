@@ -131,7 +131,7 @@ impl FlowField {
         sum
     }
 
-    /// Returns the index of the previous point, and the fraction of the way to the next.
+    /// Returns the index of the previous point, and the fraction of the distance to the next.
     fn cell(&self, axis: usize, x: f32) -> (usize, f64) {
         let last = self.points[axis] - 1;
         let at = ((f64::from(x) - self.origin[axis]) / self.spacing[axis]).clamp(0.0, last as f64);

@@ -13,7 +13,7 @@
 //! exact for steps of any length that reach one membrane and no wall.
 //!
 //! *Narrow gaps.* A step that is long compared with the gap between two membranes, or a membrane and a wall, is divided
-//! into parts of a Brownian bridge. Otherwise more particles would enter the gap than leave it.
+//! into substeps of a Brownian bridge. Otherwise more particles would enter the gap than leave it.
 
 mod check;
 mod gaps;
@@ -115,7 +115,7 @@ impl MembraneStep<'_> {
         }
     }
 
-    /// `words` returns the random words of a membrane, or of a number above all membranes, in a part of the step.
+    /// `words` returns the random words of a membrane, or of a number above all membranes, in a substep.
     fn ends(
         &self,
         [before, end]: [[f32; 3]; 2],
@@ -127,7 +127,7 @@ impl MembraneStep<'_> {
         })
     }
 
-    /// Returns the end of a part with this standard deviation, in µm.
+    /// Returns the end of a substep with this standard deviation, in µm.
     fn substep_end(
         &self,
         axis: usize,

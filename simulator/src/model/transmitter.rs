@@ -74,7 +74,7 @@ impl Model {
 }
 
 impl Transmitter {
-    /// Returns the species and numbers of each burst at the beginning of `step`. The transmitter's index `place`
+    /// Returns the species and numbers of each burst at the beginning of `step`. The transmitter's `index`
     /// selects random symbols.
     pub fn bursts(&self, index: u32, step: u32, time_step: f64, key: Key) -> Vec<Vec<(u32, u32)>> {
         match &self.schedule {
@@ -125,7 +125,7 @@ impl Transmitter {
         }
     }
 
-    /// Refuses places beyond the numbers of `f32`.
+    /// Refuses points beyond the numbers of `f32`.
     pub(crate) fn point_beyond_range(&self) -> Option<String> {
         let half_extent = self.shape.half_extent();
         let farthest = |k: usize| f64::from(self.center[k].abs()) + half_extent[k];

@@ -62,7 +62,7 @@ impl Vessel {
         p
     }
 
-    /// Replaces the components across a cylinder, or all of a sphere, by those of a uniform place.
+    /// Replaces the components across a cylinder, or all of a sphere, by those of a uniform point.
     pub(crate) fn uniform_point(&self, mut p: [f32; 3], words: [u32; 4]) -> [f32; 3] {
         let unit = f64::from(open_unit(words[0]));
         let offset = match self.along {
@@ -110,8 +110,8 @@ impl Vessel {
         to
     }
 
-    /// Returns the offset at the end. At each reflection, calls `on_reflection` with the offset, the normal and the fraction of
-    /// the remaining path.
+    /// Returns the offset at the end. At each reflection, calls `on_reflection` with the offset, the normal and the
+    /// fraction of the remaining path.
     #[inline(always)]
     fn follow(
         &self,

@@ -20,7 +20,7 @@
 //!
 //! *Moving receivers* are hit in their own frame, in which both diffusions bend the path.
 //!
-//! *In a vessel* whose side turns the path, the segments between its corners are halved.
+//! *In a vessel* whose side reflects the path, the segments between its corners are halved.
 //!
 //! *Several receivers.* The earliest hitting time decides (`Hit::time`).
 
@@ -40,7 +40,7 @@ pub struct Path {
     pub end: [f32; 3],
     /// End within the boundary, in µm.
     pub after: [f32; 3],
-    /// End of a path that no wall, receiver or membrane turned, in µm.
+    /// End of a path that no wall, receiver or membrane reflected, in µm.
     pub free: [f32; 3],
     /// Displacement without diffusion, in µm.
     pub drift: [f32; 3],
@@ -108,10 +108,10 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
     })
 }
 
-/// Returns the corners and ends of a path to `to` that only the side of a vessel turned; `None` for another path.
+/// Returns the corners and ends of a path to `to` that only the side of a vessel reflected; `None` for another path.
 fn corners(domain: &Boundary, path: &Path, to: [f32; 3]) -> Option<Vec<(f64, [f64; 3])>> {
     let vessel = domain.vessel?;
-    // A path inside has no corner. A collision or a surface turned a path with another end.
+    // A path inside has no corner. A collision or a surface reflected a path with another end.
     if vessel.distance(to) <= f64::from(vessel.radius) {
         return None;
     }
@@ -228,7 +228,7 @@ struct PathSegment {
 }
 
 impl PathSegment {
-    /// Returns a piece of a whole path between two corners.
+    /// Returns the segment of a whole path between two corners.
     fn between(&self, [(begin, from), (end, to)]: [(f64, [f64; 3]); 2]) -> Self {
         let duration = (end - begin) as f32;
         Self {

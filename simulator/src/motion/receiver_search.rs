@@ -193,7 +193,7 @@ pub(crate) struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// Returns the receivers within `reach`, and the new clear sphere.
+    /// Returns the receivers within `max_gap`, and the new clear sphere.
     pub(crate) fn receivers_near(
         &self,
         k: usize,

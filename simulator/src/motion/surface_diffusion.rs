@@ -1,8 +1,8 @@
 //! Diffusion of bound particles on the surface of their receiver.
 //!
-//! A step draws the cosine w of the turn from the density ∝ exp(kw) (von Mises and Fisher). Its mean m = coth k − 1/k
-//! is that of diffusion on a sphere of radius R, exp(−2DΔt/R²). The mean of the second Legendre polynomial, 1 − 3m/k,
-//! is exp(−6DΔt/R²) up to an error of (2DΔt/R²)³. A uniform density stays uniform.
+//! A step draws the cosine w of the rotation from the density ∝ exp(kw) (von Mises and Fisher). Its mean
+//! m = coth k − 1/k is that of diffusion on a sphere of radius R, exp(−2DΔt/R²). The mean of the second Legendre
+//! polynomial, 1 − 3m/k, is exp(−6DΔt/R²) up to an error of (2DΔt/R²)³. A uniform density stays uniform.
 
 use std::f64::consts::TAU;
 

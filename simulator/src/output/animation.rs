@@ -71,7 +71,7 @@ pub(crate) fn append(out: &mut impl Write, model: &Model, state: &State, most: N
     let mut bytes: Vec<u8> = head.iter().flat_map(|word| word.to_le_bytes()).collect();
     let mut order: Vec<usize> =
         (0..particles.len()).filter(|&at| is_drawn(particles.id[at], shift)).collect();
-    // The order of storage is no part of results.
+    // Results do not depend on the order of storage.
     order.sort_unstable_by_key(|&at| particles.id[at]);
     for at in order {
         let [x, y, z] = particles.position_of(at).map(f32::to_bits);

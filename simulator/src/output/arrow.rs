@@ -61,7 +61,7 @@ pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
         let mut lines = TableReader::open(
             &from,
             &columns.iter().map(|column| column.name).collect::<Vec<_>>().join(","),
-            // Rows are kept for a batch only.
+            // Rows stay in memory for a batch only.
             0,
         )?;
         let mut damaged = None;

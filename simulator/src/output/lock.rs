@@ -81,7 +81,7 @@ pub(crate) fn has_begun(directory: &Path, seed: u64) -> bool {
     is_regular(&path) && std::fs::read(path).is_ok_and(|content| content == mark(seed).as_bytes())
 }
 
-/// Opening a named pipe in place of a file would wait for another program.
+/// Opening a named pipe instead of a file would wait for another program.
 fn refuse_pipes(directory: &Path) -> Result<(), Error> {
     for entry in std::fs::read_dir(directory).into_iter().flatten().flatten() {
         let path = entry.path();

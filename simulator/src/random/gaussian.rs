@@ -33,7 +33,7 @@ pub(crate) fn ln(value: f32) -> f32 {
     exponent * std::f32::consts::LN_2 + s * series
 }
 
-/// Returns the cosine and sine of a random angle, the fraction `word`/2³² of a turn.
+/// Returns the cosine and sine of a random angle, the fraction `word`/2³² of a full circle.
 #[inline(always)]
 pub fn cos_sin(word: u32) -> [f32; 2] {
     let quarter = word.wrapping_add(0x2000_0000) >> 30;
@@ -42,7 +42,7 @@ pub fn cos_sin(word: u32) -> [f32; 2] {
     let b = a * a;
     let sine = a + a * b * (-0.166_666_55 + b * (0.008_332_161 + b * -0.000_195_152_96));
     let cosine = 1.0 - 0.5 * b + b * b * (0.041_666_646 + b * (-0.001_388_731_6 + b * 0.000_024_433_157));
-    // A quarter turn swaps them; signs go + − − + and + + − −.
+    // A quarter circle swaps them; signs go + − − + and + + − −.
     let swap = 0u32.wrapping_sub(quarter & 1);
     let (c, s) = (cosine.to_bits(), sine.to_bits());
     let [c, s] = [(s & swap) | (c & !swap), (c & swap) | (s & !swap)];

@@ -61,7 +61,7 @@ impl CpuRun {
         if simulation.collisions.is_some()
             && let Some(search) = pair_search
         {
-            // Ranks exchange fewer particles in motion between compact parts of space.
+            // Ranks exchange fewer particles in motion between compact domains.
             search.migrate(communicator, simulation)?;
         }
         let moved = simulation.advance(free, &mut RankHalo::new(communicator, wrapper))?;

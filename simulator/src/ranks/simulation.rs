@@ -11,7 +11,7 @@ use crate::release::rank_slice::RankSlice;
 use crate::state::RankStart;
 use crate::{Arrival, Error, Model, State, Totals};
 
-/// One rank's part of a run.
+/// The run of one rank.
 ///
 /// Methods that change it are collective: every rank calls them in the same order, in its rayon pool.
 #[derive(Debug)]

@@ -1,7 +1,7 @@
 //! Candidates of a step: pairs whose random draws select a reaction.
 //!
-//! Crowds have far more candidates than particles, so only the best are kept. The matching then samples the pairs of
-//! unconsumed particles again.
+//! Crowds have far more candidates than particles, so only the best are retained. The matching then samples the
+//! pairs of unconsumed particles again.
 
 use lazygrid::Pair;
 use rayon::prelude::*;
@@ -27,7 +27,7 @@ pub struct StepPairs<'a> {
 pub struct BestCandidates {
     pub(crate) candidates: Vec<ReactionCandidate>,
     capacity: usize,
-    /// Worst key that is kept; `None` if no candidate was dropped.
+    /// Worst retained key; `None` if no candidate was dropped.
     pub(crate) bound: Option<Key>,
 }
 

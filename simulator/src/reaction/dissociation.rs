@@ -84,7 +84,7 @@ impl Dissociation {
         let channel = |index: usize| {
             let Decay { products, unbinding, .. } = model.decays[index];
             let first_fraction = match products {
-                [Some(a), Some(b)] => model.displacement_fraction([a, b]),
+                [Some(a), Some(b)] => model.first_fraction([a, b]),
                 _ => 0.0,
             };
             let products = products.map(|species| species.map(product));

@@ -213,12 +213,12 @@ fn draws_order(reaction: &Reaction) -> bool {
 fn first_fractions(model: &Model, reaction: &Reaction) -> [f32; 2] {
     let consumes = consumes(reaction);
     let together = match consumes {
-        [true, true] => model.displacement_fraction(reaction.reactants),
+        [true, true] => model.first_fraction(reaction.reactants),
         [true, false] => 1.0,
         _ => 0.0,
     };
     let apart = match (consumes, reaction.products) {
-        ([true, true], [Some(c), Some(d)]) => model.displacement_fraction([c, d]),
+        ([true, true], [Some(c), Some(d)]) => model.first_fraction([c, d]),
         ([true, false], _) => 1.0,
         _ => 0.0,
     };

@@ -20,7 +20,7 @@ use crate::reaction::decay::Decays;
 use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
 
-/// Number of draws of a place within a vessel.
+/// Number of draws of a point within a vessel.
 const ATTEMPTS: u32 = 64;
 
 #[derive(Clone, Debug, Default)]
@@ -239,7 +239,7 @@ impl Model {
         std::array::from_fn(|k| batch.center[k] + offset[k])
     }
 
-    /// Returns `position`, or another place of the transmitter if a vessel excludes `position`. A shape that is far
+    /// Returns `position`, or another point of the transmitter if a vessel excludes `position`. A shape that is far
     /// larger than the vessel fills it uniformly.
     fn drawn_within_vessel(
         &self,

@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-/// A rank's part of a list. Lengths differ by at most one.
+/// A rank's range of a list. Lengths differ by at most one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RankSlice {
     rank: u32,
@@ -18,8 +18,8 @@ impl RankSlice {
         self.rank == 0
     }
 
-    /// Returns this rank's part of a list. The parts that are longer by one begin with rank `first_longer`, modulo the
-    /// number of ranks.
+    /// Returns this rank's range of a list. The ranges that are longer by one begin with rank `first_longer`, modulo
+    /// the number of ranks.
     pub(crate) fn range(self, length: u64, first_longer: u32) -> Range<u64> {
         let ranks = u64::from(self.ranks);
         let (each, longer) = (length / ranks, length % ranks);

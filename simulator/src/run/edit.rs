@@ -116,7 +116,7 @@ impl Simulation {
         self.state.remove(ids)
     }
 
-    /// Releases particles besides the schedule. Returns the ids, which determine the places in a lattice.
+    /// Releases particles besides the schedule. Returns the ids, which determine the lattice sites.
     ///
     /// # Errors
     /// [`Error::Model`] for an unknown transmitter or species; otherwise as [`add`](Self::add).

@@ -12,7 +12,7 @@ use crate::memory::check_available;
 use crate::model::transmitter::{Schedule, Transmitter};
 use crate::{Error, Model};
 
-/// Estimated from its parts (not measured): columns, displaced copies, the detector's index, a snapshot for the
+/// Estimated from its buffers (not measured): columns, displaced copies, the detector's index, a snapshot for the
 /// checkpoint.
 const BYTES_PER_PARTICLE: u64 = 260;
 /// Columns of the particles, the release and the detector, which every run needs.

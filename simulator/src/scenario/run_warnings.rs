@@ -10,7 +10,7 @@ use crate::{Model, Receiver, Schedule, Transmitter};
 const MANY_ROWS: f64 = 10.0;
 
 impl Scenario {
-    /// Returns warnings of parts without effect in a run of these steps and rows, each with a remedy.
+    /// Returns warnings of settings without effect in a run of these steps and rows, each with a remedy.
     pub fn run_warnings(&self) -> Vec<String> {
         let transmitters = &self.model.transmitters;
         let late = transmitters.iter().filter_map(|transmitter| self.late_release(transmitter));

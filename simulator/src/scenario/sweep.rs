@@ -183,8 +183,8 @@ struct KnownKey {
 const MAX_PATH_PARTS: usize = 8;
 const MAX_PATH_BYTES: usize = 1024;
 
-/// Lists all keys of at most `max_parts` parts. Array elements are named by index, and by name, equation or species, and
-/// coordinates also by x, y and z.
+/// Lists all keys of at most `max_parts` parts. Array elements are named by index, and by name, equation or species,
+/// and coordinates also by x, y and z.
 fn list_keys(table: &DeTable<'_>, prefix: &str, max_parts: usize, known: &mut Vec<KnownKey>) {
     for (name, value) in table {
         list_value(value, format!("{prefix}{}", name.get_ref()), max_parts, known);

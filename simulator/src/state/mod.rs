@@ -55,7 +55,7 @@ pub struct Totals {
 #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only the GPU path reads it"))]
 pub(crate) struct RankStart<'a> {
     pub(crate) seed: u64,
-    /// A [`State::part`].
+    /// A [`State::into_rank_state`].
     pub(crate) state: &'a State,
     pub(crate) slice: RankSlice,
 }

@@ -78,7 +78,7 @@ fn either_side_continues_with_receptor_types() {
     assert_close(&third.state().expect("a state"), whole.state(), 2e-4);
 }
 
-/// A part q/(1 + q) of n receptors is occupied, with q = a·kb/(ku·V) and a free particles in the volume V.
+/// A fraction q/(1 + q) of n receptors is occupied, with q = a·kb/(ku·V) and a free particles in the volume V.
 #[test]
 fn types_are_in_equilibrium() {
     let Some(device) = device() else { return };

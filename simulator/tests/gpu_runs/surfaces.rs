@@ -159,7 +159,7 @@ fn resting_particles_are_pushed() {
     compare(&model, 14, 16);
 }
 
-/// Receivers push a particle from one to the next, out of one receiver's reach.
+/// Receivers push a particle from one to the next, out of the distance at which one receiver absorbs.
 fn throwing() -> Model {
     let mirror = |center: [f32; 3], radius, velocity: f64| Receiver {
         velocity: [velocity, 0.0, 0.0],

@@ -47,7 +47,7 @@ fn one_run_per_step() -> Row {
     };
     let simulation = run_for(&model, 4, count);
     let (measured, error) = mean(simulation.squares());
-    // A run ends at each step with the probability 2/3, so the mean square way is v²Δt²(2n − 3/2).
+    // A run ends at each step with the probability 2/3, so the mean square displacement is v²Δt²(2n − 3/2).
     let by = 6.0 * f64::from(count) - 4.5;
     Row::new("D = v²τ/3, a tumble per step", speed * speed / 3.0, measured / by, 4.0 * error / by)
 }

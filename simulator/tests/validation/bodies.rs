@@ -289,7 +289,7 @@ pub(crate) fn transmitters() -> Vec<Row> {
         scenario(text)
     };
     let positions = |model: &Model, seed, count| run_for(model, seed, count).positions().collect::<Vec<_>>();
-    // Uniform from 0 to 8 µm along the way.
+    // Uniform from 0 to 8 µm along the path.
     let steady = "release = [{ species = \"A\", rate = 1000 }]";
     let line: Vec<f64> = positions(&model("velocity = [0, 4, 0]", steady), 1, 8)
         .iter()

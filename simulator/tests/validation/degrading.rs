@@ -72,7 +72,7 @@ fn dissociating(time_step: f64, seed: u64) -> Vec<Row> {
     ]
 }
 
-/// E consumes each A within its reach at the end of the step, so none arrives or dissociates.
+/// E consumes each A within its binding radius at the end of the step, so none arrives or dissociates.
 fn consumed(time_step: f64, seed: u64) -> Row {
     let mut model = model(time_step, ReceiverKind::Absorbing);
     model.species.push(species("E", 0.0, 0.0));

@@ -56,7 +56,7 @@ impl Row {
         Self::new(what, expected, measured, 4.0 * error)
     }
 
-    /// Tolerates four standard errors of a share of `n`.
+    /// Tolerates four standard errors of a fraction of `n`.
     pub(crate) fn fraction(what: impl Into<String>, expected: f64, measured: f64, n: impl Into<f64>) -> Self {
         Self::new(what, expected, measured, 4.0 * setup::fraction_error(expected, n.into()))
     }

@@ -209,7 +209,7 @@ fn reached_by_two((gap, height): (f64, f64), time: f64) -> f64 {
 pub(crate) fn drift_at_wall() -> Vec<Row> {
     let fixed = [0.1, 0.2, 1.0];
     let fixed = fixed.map(|ratio| DriftAtWall { ratio, layer: 0.1, axis: 0, is_high: false, n: 20_000 });
-    // A share of a tenth has a standard error of 0.3 % in eight independent counts of 100,000 particles.
+    // A fraction of a tenth has a standard error of 0.3 % in eight independent counts of 100,000 particles.
     let drawn = |case: u32| {
         let words = philox([case, 0, 0, 0], [32, 1]);
         let units = words.map(|word| f64::from(open_unit(word)));

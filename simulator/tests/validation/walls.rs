@@ -134,7 +134,7 @@ pub(crate) fn absorbing_walls() -> Vec<Row> {
     rows
 }
 
-/// From the distance r = 2 µm, at 45°, a hemisphere of 1 µm takes the part Σ over odd l of
+/// From the distance r = 2 µm, at 45°, a hemisphere of 1 µm takes the fraction Σ over odd l of
 /// (P(l − 1, 0) − P(l + 1, 0))·P(l, cos 45°)/r^(l + 1), with Legendre polynomials. After 20 s, 0.5 % of it are missing.
 fn hemisphere_on_a_plane() -> Row {
     let (at, spread, n) = (std::f64::consts::SQRT_2, 0.35_f64, 2 * N);

@@ -53,7 +53,7 @@ fn adsorption_and_unbinding_match_the_cpu() {
             step.effective_fraction()
         );
         let mut draws = Draws::new(Key([5, 6]), k, 3, Purpose::Unbinding);
-        // A trial at the threshold may fall either way.
+        // A trial at the threshold may fall on either side.
         others += u32::from((above - step.height_after(&mut draws)).abs() > 1e-4 * length);
     }
     assert!(others <= 4, "{others} of 12 288 heights are others");

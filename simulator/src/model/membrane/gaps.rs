@@ -5,10 +5,10 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::random::bridge::NEVER;
 use crate::random::gaussian::normals;
 
-/// Least width of a gap, in standard deviations of a part of the step. A part that begins at one side reaches the other
+/// Least width of a gap, in standard deviations of a substep. A substep that begins at one side reaches the other
 /// with a probability of 6 in 100 000.
 const WIDTH: f32 = 4.0;
-/// Largest number of parts of a step.
+/// Largest number of substeps of a step.
 pub(crate) const MAX_SUBSTEPS: u32 = 256;
 
 /// Returns the narrowest gap along each axis, in µm; infinite without one.
@@ -33,7 +33,7 @@ pub(crate) fn narrowest_gaps(membranes: &[Membrane], domain: &Boundary, species:
     })
 }
 
-/// Returns the number of parts of a step with the standard deviation `spread`.
+/// Returns the number of substeps of a step with the standard deviation `spread`.
 pub(crate) fn substep_count(gap: f32, spread: f32) -> u32 {
     let ratio = WIDTH * spread / gap;
     (ratio * ratio).ceil().clamp(1.0, MAX_SUBSTEPS as f32) as u32

@@ -148,7 +148,8 @@ impl Sphere {
         self.height(domain, point) < 0.0
     }
 
-    /// Returns the fraction of `displacement` after which a ray from `from`, relative to the center, reaches the surface.
+    /// Returns the fraction of `displacement` after which a ray from `from`, relative to the center, reaches the
+    /// surface.
     fn reached(&self, is_inside: bool, from: [f64; 3], displacement: [f64; 3]) -> Option<f64> {
         let [a, b] = [dot(displacement, displacement), dot(from, displacement)];
         let c = dot(from, from) - f64::from(self.radius).powi(2);

@@ -36,7 +36,7 @@ pub(crate) struct Adjacency {
     neighbors: Vec<u32>,
 }
 
-/// A part of a step with a complete candidate list.
+/// A time window of a step with a complete candidate list.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Window<'a> {
     pub(crate) rules: &'a Rules,

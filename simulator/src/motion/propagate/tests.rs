@@ -109,7 +109,7 @@ fn first_of_two_walls_absorbs() {
     assert!(low_x > 10_000.0 && error.abs() < 5.0, "{low_x} and {low_y}");
 }
 
-/// A line that the wall at 0 reflects reaches the sphere or its place after the wall.
+/// A line that the wall at 0 reflects reaches the sphere or its position after the wall.
 #[test]
 fn wall_before_a_receiver_absorbs() {
     let receiver = |kind, x: f32| Receiver {

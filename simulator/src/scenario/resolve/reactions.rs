@@ -231,7 +231,8 @@ impl Network<'_> {
         }
     }
 
-    /// Returns the separation of products: the given radius, otherwise the ball of the reverse reaction, otherwise 0.
+    /// Returns the separation of products: the radius of the file, otherwise the ball of the reverse reaction,
+    /// otherwise 0.
     fn unbinding(
         &self,
         decay: &Decay,

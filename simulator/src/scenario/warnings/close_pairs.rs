@@ -14,7 +14,7 @@ const SEARCHES: usize = 64;
 const MAX_TESTED: usize = 1000;
 const CHUNK: usize = 1 << 16;
 
-/// Returns pairs of receivers with surfaces at most `distance` apart, the smaller place first, in ascending order. In
+/// Returns pairs of receivers with surfaces at most `distance` apart, the smaller index first, in ascending order. In
 /// crowds the distance is smaller, so that the closest pairs are found.
 pub(super) fn close_pairs(boundary: &Boundary, receivers: &[&Receiver], distance: f64) -> Vec<[usize; 2]> {
     if receivers.len() < 2 {

@@ -24,7 +24,7 @@ struct Gap {
 /// Named only in a message: there may be hundreds of thousands of gaps.
 #[derive(Clone, Copy)]
 enum Surface {
-    /// Its place among the receivers that the species sees.
+    /// Its index among the receivers that the species sees.
     Receiver(usize),
     Image,
     Wall(WallFace),

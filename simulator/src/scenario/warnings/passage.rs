@@ -7,7 +7,7 @@ use crate::model::{Model, Species, share_species};
 /// Largest √(2DΔt) at a spherical membrane, in radii.
 const LONG_AT_SPHERE: f64 = 0.25;
 /// Least distance of a membrane from another, from its own image and of a plane from a wall, in √(2DΔt) of a step or,
-/// between planes, of the shortest part of a step.
+/// between planes, of the shortest substep.
 const STEPS_IN_GAP: f64 = 2.5;
 
 struct Gap {
@@ -46,7 +46,7 @@ pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model)
     })
 }
 
-/// Membranes are exact for steps, or their parts, that reach one of them and no wall.
+/// Membranes are exact for steps and substeps that reach one of them and no wall.
 pub(in crate::scenario) fn long_step_between_membranes(membrane: &Membrane, model: &Model) -> Option<String> {
     let species = fastest(membrane, model)?;
     let gap = gap(membrane, model)?;

@@ -4,14 +4,14 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::model::transmitter::{Shape, Transmitter};
 use crate::random::philox::{Key, Purpose};
 
-/// Places that are drawn to estimate the part of a shape outside the walls.
+/// Number of points that are drawn to estimate the fraction of a shape outside the walls.
 const PLACES: u32 = 1000;
-/// Larger parts outside a vessel exclude a few particles in a thousand from all draws of `drawn_within_vessel`.
+/// Larger fractions outside a vessel exclude a few particles in a thousand from all draws of `drawn_within_vessel`.
 const MOST_OUTSIDE: f64 = 0.9;
 /// Part of a coordinate or extent that rounding may add.
 const ROUNDING: f32 = 1e-5;
 
-/// Warns of places that walls mirror or exclude, and of a shape that overlaps its own images.
+/// Warns of points that walls mirror or exclude, and of a shape that overlaps its own images.
 pub(in crate::scenario) fn misplaced_shape(transmitter: &Transmitter, boundary: &Boundary) -> Option<String> {
     if let Some(message) = longer_than_period(transmitter, boundary) {
         return Some(message);
@@ -62,7 +62,7 @@ fn longer_than_period(transmitter: &Transmitter, boundary: &Boundary) -> Option<
     ))
 }
 
-/// Returns the parts of places beyond plane walls, and of the others outside a vessel.
+/// Returns the fractions of points beyond plane walls, and of the others outside a vessel.
 fn fractions_outside(transmitter: &Transmitter, boundary: &Boundary) -> (f64, f64) {
     let Transmitter { center, shape, .. } = *transmitter;
     if shape == Shape::Point {

@@ -200,8 +200,8 @@ pub(in crate::scenario) fn drift_at_plane_wall(model: &Model, species: usize) ->
     })
 }
 
-/// Largest way in a step by drift without diffusion, in distances of walls. Particles end up to such a way from the
-/// wall to which they drift.
+/// Largest displacement in a step by drift without diffusion, in distances of walls. Particles end up to such a
+/// distance from the wall to which they drift.
 const DRIFT_TO_WALL: f64 = 0.02;
 
 /// Paths without diffusion are mirrored at walls, so that particles jump off the wall at which they should stay.
