@@ -24,9 +24,9 @@ pub struct Channels {
 /// Bins of a response without a message.
 const BINS: u32 = 100;
 /// Bins per symbol of a response with a message.
-const PER_SYMBOL: f64 = 20.0;
+const BINS_PER_SYMBOL: f64 = 20.0;
 /// Symbols of a response with a message, and slots of interference.
-const SYMBOLS: usize = 8;
+const MAX_SYMBOLS: usize = 8;
 
 impl Channels {
     /// Reads the logs of runs of `steps` steps, each as its seed and directory.
@@ -65,10 +65,10 @@ impl Channels {
             }
             let width = message.map_or_else(
                 || steps.div_ceil(BINS),
-                |message| (message.symbol_time / model.time_step / PER_SYMBOL).round() as u32,
+                |message| (message.symbol_time / model.time_step / BINS_PER_SYMBOL).round() as u32,
             );
             let width = width.max(1);
-            let most = if message.is_some() { SYMBOLS * PER_SYMBOL as usize } else { BINS as usize };
+            let most = if message.is_some() { MAX_SYMBOLS * BINS_PER_SYMBOL as usize } else { BINS as usize };
             channels.responses.push(Response::new(
                 link,
                 link.source(model),
@@ -76,7 +76,7 @@ impl Channels {
                 most.min((steps / width) as usize),
             ));
             if message.is_some() {
-                channels.interference.push(Interference::new(link, link.source(model), SYMBOLS));
+                channels.interference.push(Interference::new(link, link.source(model), MAX_SYMBOLS));
             }
         }
         for (index, message) in messages(model) {

@@ -32,7 +32,7 @@ const MAX_SPREADS: f32 = 4.0;
 /// radius; all segments of `path_bridge.wgsl`, and all segments of `path_line.wgsl`.
 const PASSAGE_ITERATIONS: usize = 400;
 const MAX_SEGMENTS: usize = 8191;
-const MAX_PIECES: usize = 3000;
+const MAX_LINE_SEGMENTS: usize = 3000;
 /// Reflections of a line in a vessel, followed twice, with a segment between any two.
 const VESSEL_ITERATIONS: usize = 200;
 
@@ -90,15 +90,15 @@ impl Carried {
         if diffusion > 0.0 {
             let moved = length(relative) + self.carried();
             let narrow = vessel.filter(|_| has_corners).map_or(f32::INFINITY, |vessel| vessel.radius);
-            let passages = 1 + images + (moved / narrow).min(MAX_PIECES as f32) as usize;
+            let passages = 1 + images + (moved / narrow).min(MAX_LINE_SEGMENTS as f32) as usize;
             let corners = if has_corners { VESSEL_ITERATIONS } else { 0 };
             let is_long = path_hit::is_long(moved, spread, receiver.radius);
             return if is_long { corners + (PASSAGE_ITERATIONS * passages).min(MAX_SEGMENTS) } else { 0 };
         }
         if has_corners {
-            return VESSEL_ITERATIONS + images.min(MAX_PIECES);
+            return VESSEL_ITERATIONS + images.min(MAX_LINE_SEGMENTS);
         }
-        if images == 0 { 0 } else { 1 + images.min(MAX_PIECES) }
+        if images == 0 { 0 } else { 1 + images.min(MAX_LINE_SEGMENTS) }
     }
 
     /// Bounds walls and images at which the path may reach the receiver again.
@@ -109,7 +109,7 @@ impl Carried {
         let moved = self.drift[axis].abs() + along;
         let (center, extent) = (receiver.center[axis], receiver.radius + moved);
         let stays = receiver_displacement == 0.0 && receiver.diffusion == 0.0;
-        let passed = |moved: f32, width: f32| 1 + (moved / width).min(MAX_PIECES as f32) as usize;
+        let passed = |moved: f32, width: f32| 1 + (moved / width).min(MAX_LINE_SEGMENTS as f32) as usize;
         match model.boundary.axes[axis].inset(self.radius) {
             Axis::Open | Axis::Frozen => 0,
             Axis::Reflecting { .. } if moved == 0.0 => 0,

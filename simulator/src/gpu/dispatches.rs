@@ -187,7 +187,7 @@ pub(super) struct StepDispatches {
     census: Option<Stage>,
 }
 
-const SIZED: [&str; 20] = [
+const SIZED_BUFFERS: [&str; 20] = [
     "born",
     "born_keys0",
     "born_keys1",
@@ -213,7 +213,7 @@ const SIZED: [&str; 20] = [
 impl StepDispatches {
     pub(super) fn new(run: &mut RunBuffers, sizes: Sizes, rounds: u32, found: Found) -> Result<Self, Error> {
         let mut buffers = run.buffers.clone();
-        for name in SIZED {
+        for name in SIZED_BUFFERS {
             let sizes = if name == "requesters" && run.receptors == 0 { Sizes::default() } else { sizes };
             let bytes = sizes.bytes(name, &run.limits).map_err(refused)?;
             buffers.insert(name, buffer(&run.gpu, name, bytes)?);

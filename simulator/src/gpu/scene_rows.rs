@@ -17,7 +17,7 @@ pub(super) const ROW_BYTES: u64 = 16;
 /// Center and displacement.
 const RECEIVER_ROWS: usize = 2;
 /// Grid points in an upload.
-const CHUNK: usize = 1 << 16;
+const POINTS_PER_UPLOAD: usize = 1 << 16;
 const CHUNKS_PER_SUBMISSION: usize = 16;
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -77,7 +77,7 @@ impl SceneRows {
             return Err(refused(lazygrid::Error::LimitExceeded { what, needed, limit, remedy }));
         }
         let made = buffer(gpu, "scene_rows", needed)?;
-        let velocities = self.field.iter().flat_map(|field| field.velocities().chunks(CHUNK));
+        let velocities = self.field.iter().flat_map(|field| field.velocities().chunks(POINTS_PER_UPLOAD));
         let mut at = ROW_BYTES * self.receivers as u64;
         with_error_scope(gpu, "membranes", 0, || {
             gpu.queue.write_buffer(&made, at, bytemuck::cast_slice(&self.membranes));

@@ -33,9 +33,9 @@ pub(crate) fn device() -> Option<GpuDevice> {
 
 const EVERYTHING: Variant = Variant { has_membranes: true, has_long_paths: true };
 
-fn evaluate(gpu: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 4]> {
+fn evaluate(gpu: &GpuDevice, includes: &str, body: &str, count: u32) -> Vec<[u32; 4]> {
     let source = format!(
-        "{pieces}\n@group(0) @binding(0) var<storage, read_write> out: array<vec4<u32>>;\n\
+        "{includes}\n@group(0) @binding(0) var<storage, read_write> out: array<vec4<u32>>;\n\
          @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) at: vec3<u32>) {{\n\
          let k = at.x;\nif (k < arrayLength(&out)) {{ {body} }}\n}}"
     );
@@ -91,7 +91,7 @@ fn random_words_match_the_cpu() {
 #[test]
 fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
     let Some(gpu) = device() else { return };
-    let pieces = "#include philox\n#include normal";
+    let includes = "#include philox\n#include normal";
     let body = |of: &str| {
         format!("{SCATTERED} let w = philox(counter, key); out[k] = vec4(bitcast<vec3<u32>>({of}), 0u);")
     };
@@ -101,7 +101,7 @@ fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
         ("normals(w)", gaussian::normals as fn([u32; 4]) -> [f32; 3]),
         ("direction(w.x, w.y)", |w| gaussian::direction(w[0], w[1])),
     ] {
-        let found = evaluate(&gpu, pieces, &body(of), 50_000);
+        let found = evaluate(&gpu, includes, &body(of), 50_000);
         for (k, [x, y, z, _]) in (0..).zip(found) {
             let (counter, key) = scattered(k);
             let exact = exact(philox(counter, key));

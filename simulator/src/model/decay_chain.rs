@@ -5,17 +5,17 @@
 //!    no memory, so P(N > j + k) ≤ P(N > j)·P(N > k), each for the worst first species.
 //! 2. After k sweeps, [`expected`] is at least the mean of min(N, k). If it is at most m, then P(N ≥ k) ≤ m/k.
 //! 3. The exponential time exceeds Δt with the probability 1/e. Let p be the probability of more than k decays in a step:
-//!    p ≤ e·m/k. [`MAX_EXPECTED`] and [`SWEEPS`] make this bound 0.68. More than 10⁶ decays then have a probability below
+//!    p ≤ e·m/k. [`MAX_EXPECTED_DECAYS`] and [`MAX_SWEEPS`] make this bound 0.68. More than 10⁶ decays then have a probability below
 //!    0.68²⁵⁰ < 10⁻⁴¹.
 
 use crate::model::Model;
 use crate::model::time::longest_step;
 
 /// Largest mean number of decays of a particle in a step.
-const MAX_EXPECTED: f64 = 1000.0;
-const SWEEPS: u32 = 4000;
+const MAX_EXPECTED_DECAYS: f64 = 1000.0;
+const MAX_SWEEPS: u32 = 4000;
 /// Largest change of a mean number that ends the sweeps: later ones then add at most 4.
-const CONVERGED: f64 = 1e-3;
+const MAX_FINAL_CHANGE: f64 = 1e-3;
 
 /// A decay of a species that does not dissociate.
 struct Link {
@@ -29,7 +29,7 @@ struct Link {
 pub(crate) fn faulty_chain(model: &Model) -> Option<(usize, String)> {
     let links = links(model);
     let starts = |time_step: f64| expected(&links, model.species.len(), time_step);
-    let fit = |means: &[f64]| means.iter().all(|&count| count <= MAX_EXPECTED);
+    let fit = |means: &[f64]| means.iter().all(|&count| count <= MAX_EXPECTED_DECAYS);
     let means = starts(model.time_step);
     if fit(&means) {
         return None;
@@ -37,7 +37,7 @@ pub(crate) fn faulty_chain(model: &Model) -> Option<(usize, String)> {
     let worst = (0..means.len()).max_by(|&a, &b| means[a].total_cmp(&means[b]))?;
     let fastest = links.iter().filter(|link| link.from == worst).max_by(|a, b| a.rate.total_cmp(&b.rate))?;
     let message = format!(
-        "'{}' at {:.1} expected decays per step begins a chain of more than {MAX_EXPECTED} decays on average in a step; set \
+        "'{}' at {:.1} expected decays per step begins a chain of more than {MAX_EXPECTED_DECAYS} decays on average in a step; set \
          time-step to {:.2e} or less",
         model.decays[fastest.decay].name,
         fastest.rate * model.time_step,
@@ -66,7 +66,7 @@ fn expected(links: &[Link], species: usize, time_step: f64) -> Vec<f64> {
     let mut rates = vec![0.0; species];
     links.iter().for_each(|link| rates[link.from] += link.rate);
     let mut means = vec![0.0; species];
-    for _ in 0..SWEEPS {
+    for _ in 0..MAX_SWEEPS {
         let mut next = vec![0.0; species];
         for &Link { from, to, rate, .. } in links {
             // The probability of this decay before the end of the time.
@@ -75,7 +75,7 @@ fn expected(links: &[Link], species: usize, time_step: f64) -> Vec<f64> {
         }
         let change = means.iter().zip(&next).map(|(old, new): (&f64, &f64)| new - old).fold(0.0, f64::max);
         means = next;
-        if change <= CONVERGED {
+        if change <= MAX_FINAL_CHANGE {
             break;
         }
     }

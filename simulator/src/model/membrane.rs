@@ -98,8 +98,8 @@ struct Slab {
 
 impl MembraneStep<'_> {
     /// Replaces the ends of a step by those that membranes allow.
-    pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, who: DrawContext) {
-        let words = |membrane: u32, event: u32| who.draw_part(membrane, event, Purpose::Membrane);
+    pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, context: DrawContext) {
+        let words = |membrane: u32, event: u32| context.draw_part(membrane, event, Purpose::Membrane);
         let around = self.sphere_end([before, ends.free], |membrane, event| words(membrane as u32, event)[0]);
         if let Some(SphereEnd { free, confined }) = around {
             *ends = StepEnds { end: free, free, after: confined };

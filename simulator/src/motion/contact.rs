@@ -37,7 +37,7 @@ pub struct Contacts {
 }
 
 pub(crate) const PASSES: u32 = 4;
-const TASK: usize = 4096;
+const CHUNK: usize = 4096;
 /// Units per largest contact distance; the sum of 2²² such distances fits 64 bits.
 const UNITS: f64 = (1_u64 << 40) as f64;
 
@@ -101,7 +101,7 @@ impl Contacts {
             |&Pair { i, j }: &Pair| free(i) && free(j) && !self.reactive.contain(kind(i), kind(j));
         let push = |pair: &Pair| separates(pair).then(|| self.push(particles, *pair, now)).flatten();
         let chunks: Vec<Vec<[Push; 2]>> =
-            pairs.par_chunks(TASK).map(|pairs| pairs.iter().filter_map(push).collect()).collect();
+            pairs.par_chunks(CHUNK).map(|pairs| pairs.iter().filter_map(push).collect()).collect();
         chunks.into_iter().flatten().flatten().collect()
     }
 

@@ -68,7 +68,7 @@ const LAST: u32 = 1 << 12;
 
 /// Returns the hit of a path on a receiver. `domain` confines the particle's center.
 #[inline]
-pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawContext) -> Option<Hit> {
+pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, context: DrawContext) -> Option<Hit> {
     if receiver.receiver.kind == ReceiverKind::Endpoint {
         let b = signed_distance(receiver.receiver.radius, receiver.center_at(1.0), domain, path.after);
         return (b <= 0.0).then_some(Hit::at(1.0));
@@ -83,7 +83,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         return path_line_hit(receiver, domain, path).or((b <= 0.0).then_some(Hit::at(1.0)));
     }
     if drift == [0.0; 3] {
-        return who.hits_sphere([receiver.index, 0], image_radius(receiver), [a, b], diffusion);
+        return context.hits_sphere([receiver.index, 0], image_radius(receiver), [a, b], diffusion);
     }
     let segment = PathSegment {
         number: 1,
@@ -94,7 +94,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         drift: length(drift),
     };
     let bridge =
-        |segment_index: u32| BrownianBridge { receiver, domain, who, first: segment_index * 2 * LAST };
+        |segment_index: u32| BrownianBridge { receiver, domain, context, first: segment_index * 2 * LAST };
     let mut to = path.free;
     if let Some(along) = domain.along() {
         to[along] = path.end[along];
@@ -185,12 +185,12 @@ impl Hit {
     /// A Brownian path from height α to ±β first reaches a plane at s, where u = s/(1 − s) has the inverse Gaussian
     /// density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation (Michael, Schucany and Haas, *Generating
     /// random variates using transformations with multiple roots*, The American Statistician 30 (1976) 88).
-    pub(crate) fn time(&self, who: DrawContext, receiver: u32) -> f32 {
+    pub(crate) fn time(&self, context: DrawContext, receiver: u32) -> f32 {
         let Self { begin, duration, heights: [a, b] } = *self;
         if duration == 0.0 {
             return begin;
         }
-        let words = who.draw(receiver, Purpose::HitTime);
+        let words = context.draw(receiver, Purpose::HitTime);
         begin + duration * first_passage([a, b], normals(words)[0], open_unit(words[2]))
     }
 }
@@ -213,7 +213,7 @@ pub(crate) fn first_passage([a, b]: [f32; 2], normal: f32, uniform: f32) -> f32 
 struct BrownianBridge<'a> {
     receiver: &'a ReceiverState,
     domain: &'a Boundary,
-    who: DrawContext,
+    context: DrawContext,
     /// Added to numbers of segments in draws.
     first: u32,
 }
@@ -261,7 +261,7 @@ impl BrownianBridge<'_> {
         if number >= LAST || !is_long(drift, spread, radius) {
             let ends = [p, q].map(|end| self.domain.confine(end));
             let heights = self.receiver.heights(self.domain, ends, [begin, begin + duration]);
-            let hit = self.who.hits_sphere(
+            let hit = self.context.hits_sphere(
                 [self.receiver.index, self.first + number - 1],
                 image_radius(self.receiver),
                 heights,
@@ -269,7 +269,7 @@ impl BrownianBridge<'_> {
             );
             return hit.map(|hit| Hit { begin, duration, ..hit });
         }
-        let z = normals(self.who.draw(self.first + number, Purpose::Path));
+        let z = normals(self.context.draw(self.first + number, Purpose::Path));
         let middle = std::array::from_fn(|k| middle[k] + 0.5 * spread * z[k]);
         let half_of = |number, begin, ends| PathSegment {
             number,

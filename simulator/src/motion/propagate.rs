@@ -37,7 +37,7 @@ pub struct Propagator {
 
 const CHUNK: usize = 4096;
 /// Bound of the relative rounding error of a path's length.
-pub(crate) const ROUNDED: f32 = 1e-6;
+pub(crate) const PATH_ROUNDING: f32 = 1e-6;
 
 impl Propagator {
     pub fn new(model: &Model) -> Self {
@@ -167,7 +167,7 @@ impl Propagator {
                     let mut moved = ParticleMove {
                         at,
                         species,
-                        who: now.for_particle(id),
+                        context: now.for_particle(id),
                         path,
                         free_end: flight.free_end,
                         path_length: 0.0,
@@ -203,7 +203,7 @@ impl Propagator {
 
     #[inline(always)]
     fn step_bounds(&self, moved: &ParticleMove) -> StepBounds {
-        StepBounds::new(&moved.path, self.more(moved))
+        StepBounds::new(&moved.path, self.margin(moved))
     }
 
     #[inline]
@@ -235,30 +235,30 @@ impl Propagator {
 
     #[inline(always)]
     fn dissociates_before(&self, moved: &ParticleMove, capture: &Capture) -> bool {
-        self.decays.dissociates_before(moved.species, moved.who, || capture.time(moved.who))
+        self.decays.dissociates_before(moved.species, moved.context, || capture.time(moved.context))
     }
 
     /// Adds the decays before the capture, or all if the receiver does not take the species at the hit.
     #[cold]
     #[inline(never)]
     fn decay_to(&self, moved: &ParticleMove, capture: Capture, events: &mut Vec<Event>) {
-        let ParticleMove { at, species: first, who, .. } = *moved;
+        let ParticleMove { at, species: first, context, .. } = *moved;
         let captures = |species| self.surfaces.captures(&capture.event, species);
-        let mut order = CaptureOrder::new(first, (capture.time(who), self.decays.time_step));
+        let mut order = CaptureOrder::new(first, (capture.time(context), self.decays.time_step));
         let mut last = None;
-        self.decays.for_each_decay(first, who, |decay| {
+        self.decays.for_each_decay(first, context, |decay| {
             if order.decays(&decay, captures) {
-                events.push(self.decayed(at, &decay, who));
+                events.push(self.decayed(at, &decay, context));
                 last = Some(decay);
             }
         });
-        let exists = || !self.decays.product_dissociates_before(last.as_ref(), &order, who);
+        let exists = || !self.decays.product_dissociates_before(last.as_ref(), &order, context);
         events.extend(order.captured(|species| captures(species) && exists()).map(|_| capture.event));
     }
 
-    fn decayed(&self, at: u32, decay: &ChainedDecay, who: DrawContext) -> Event {
+    fn decayed(&self, at: u32, decay: &ChainedDecay, context: DrawContext) -> Event {
         let ChainedDecay { decay: index, product, .. } = *decay;
-        Event::Decayed { at, decay: index, product, spared: self.decays.spares_product(decay, who) }
+        Event::Decayed { at, decay: index, product, spared: self.decays.spares_product(decay, context) }
     }
 
     #[inline(always)]
@@ -266,13 +266,13 @@ impl Propagator {
         if self.decays.is_empty() {
             return;
         }
-        let ParticleMove { at, species, who, .. } = *moved;
-        self.decays.for_each_decay(species, who, |decay| events.push(self.decayed(at, &decay, who)));
+        let ParticleMove { at, species, context, .. } = *moved;
+        self.decays.for_each_decay(species, context, |decay| events.push(self.decayed(at, &decay, context)));
     }
 
     /// Bounds the path's distance from its chord plus the displacement of any receiver.
     #[inline(always)]
-    fn more(&self, moved: &ParticleMove) -> f32 {
+    fn margin(&self, moved: &ParticleMove) -> f32 {
         self.steps[moved.species as usize].bend_of(&moved.path)
             + self.surfaces.active_receivers.max_displacement
     }
@@ -301,7 +301,7 @@ impl Propagator {
                 near.iter().map(|&k| &self.surfaces.active_receivers.all[k as usize]),
                 &mut events,
             );
-            if self.more(moved) + moved.path_length > search_radius * (1.0 + ROUNDED) {
+            if self.margin(moved) + moved.path_length > search_radius * (1.0 + PATH_ROUNDING) {
                 *moved = begun;
                 events.clear();
                 self.resolve_events(moved, self.surfaces.active_receivers.all.iter(), &mut events);

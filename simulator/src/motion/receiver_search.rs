@@ -16,28 +16,28 @@ use crate::model::receiver::{finder, rounding};
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ActiveReceivers;
 
-/// A sphere around the middle of a path's ends, enlarged by `more` for diffusion and approaching receivers.
+/// A sphere around the middle of a path's ends, enlarged by `margin` for diffusion and approaching receivers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepBounds {
     middle: [f32; 3],
     half: f32,
-    more: f32,
+    margin: f32,
 }
 
 impl StepBounds {
     #[inline(always)]
-    pub(crate) fn new(path: &Path, more: f32) -> Self {
+    pub(crate) fn new(path: &Path, margin: f32) -> Self {
         let displacement: [f32; 3] = std::array::from_fn(|k| path.end[k] - path.before[k]);
         let half = 0.5
             * (displacement[0] * displacement[0]
                 + displacement[1] * displacement[1]
                 + displacement[2] * displacement[2])
                 .sqrt();
-        Self { middle: std::array::from_fn(|k| path.before[k] + 0.5 * displacement[k]), half, more }
+        Self { middle: std::array::from_fn(|k| path.before[k] + 0.5 * displacement[k]), half, margin }
     }
 
     pub(crate) fn around_beginning(&self) -> f32 {
-        2.0 * self.half + self.more
+        2.0 * self.half + self.margin
     }
 }
 
@@ -62,24 +62,24 @@ struct SearchCost {
     /// In tests of a receiver.
     cost: u64,
     /// Steps left without searches.
-    rest: u32,
+    pause: u32,
 }
 
 /// Steps over which costs are compared. At first no clear sphere is known, so a single step does not suffice.
-const WINDOW: u32 = 16;
+const COMPARED_STEPS: u32 = 16;
 /// Steps without searches after a window in which searches cost more.
-const REST: u32 = 240;
+const STEPS_WITHOUT_SEARCH: u32 = 240;
 /// Cost of a search in tests of a receiver, per particle and per found receiver: about 100 ns, and 20 ns plus often a
 /// test, which takes 35 ns (two cores of an AMD EPYC).
-const COSTS: [usize; 2] = [3, 1];
+const SEARCH_COSTS: [usize; 2] = [3, 1];
 
-const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
+const NO_CLEAR_SPHERE: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
 /// Steps of moving receivers after which clear spheres expire, to bound rounding errors.
-const FORGET: u32 = 64;
+const MAX_CLEAR_SPHERE_STEPS: u32 = 64;
 /// First, smallest and largest `factor`.
-const FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
+const RADIUS_FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
 /// Numbers of found receivers per particle between which `factor` does not change.
-const FOUND: [usize; 2] = [1, 4];
+const FOUND_PER_QUERY: [usize; 2] = [1, 4];
 
 impl ReceiverSearch {
     pub(crate) fn new(
@@ -94,7 +94,7 @@ impl ReceiverSearch {
             clear_spheres: Vec::new(),
             traveled: 0.0,
             steps: 0,
-            factor: FACTORS[0],
+            factor: RADIUS_FACTORS[0],
             queries: Vec::new(),
             receivers: Vec::new(),
             cost: SearchCost::default(),
@@ -104,13 +104,13 @@ impl ReceiverSearch {
     /// Returns `false` if the loop over all receivers is faster.
     pub(crate) fn begin(&mut self, particles: usize, active_receivers: &ActiveReceivers) -> bool {
         if active_receivers.move_about() {
-            if self.steps.is_multiple_of(FORGET) {
+            if self.steps.is_multiple_of(MAX_CLEAR_SPHERE_STEPS) {
                 self.clear_spheres.clear();
                 self.traveled = 0.0;
             }
             self.steps += 1;
         }
-        self.clear_spheres.resize(particles, UNKNOWN);
+        self.clear_spheres.resize(particles, NO_CLEAR_SPHERE);
         if active_receivers.move_about() || self.receivers.is_empty() {
             let sphere = |state: &crate::motion::receiver_state::ReceiverState| {
                 Sphere::new(state.center, state.receiver.radius)
@@ -130,7 +130,7 @@ impl ReceiverSearch {
         let [x, y, z, radius] = self.clear_spheres[index];
         let d = [bounds.middle[0] - x, bounds.middle[1] - y, bounds.middle[2] - z];
         let distance = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
-        distance + bounds.half + bounds.more <= radius - self.traveled
+        distance + bounds.half + bounds.margin <= radius - self.traveled
     }
 
     /// Returns the receivers near each particle, in the order of the model. `particles` are beginnings of paths, and
@@ -149,11 +149,11 @@ impl ReceiverSearch {
         let near = detector.neighbors((&*queries, &*receivers))?;
         let found: usize = (0..near.len()).map(|k| near.neighbors_of(k).len()).sum();
         cost.add([queries.len(), found], clear_spheres.len() * receivers.len());
-        let [_, least, most] = FACTORS;
+        let [_, least, most] = RADIUS_FACTORS;
         // A search of few particles does not predict the next one.
-        if found > FOUND[1] * queries.len().max(16) {
+        if found > FOUND_PER_QUERY[1] * queries.len().max(16) {
             *factor = (*factor / 1.5).max(least);
-        } else if found < FOUND[0] * queries.len() {
+        } else if found < FOUND_PER_QUERY[0] * queries.len() {
             *factor = (*factor * 1.5).min(most);
         }
         Ok(Found { near, queries, traveled: *traveled })
@@ -162,11 +162,11 @@ impl ReceiverSearch {
 
 impl SearchCost {
     fn begin(&mut self) -> bool {
-        if self.rest > 0 {
-            self.rest -= 1;
+        if self.pause > 0 {
+            self.pause -= 1;
             return false;
         }
-        if self.steps == WINDOW {
+        if self.steps == COMPARED_STEPS {
             *self = Self::default();
         }
         self.steps += 1;
@@ -174,9 +174,9 @@ impl SearchCost {
     }
 
     fn add(&mut self, [queries, found]: [usize; 2], tests: usize) {
-        self.cost += (COSTS[0] * queries + COSTS[1] * found) as u64;
-        if self.cost > u64::from(WINDOW) * tests as u64 {
-            *self = Self { rest: REST, ..Self::default() };
+        self.cost += (SEARCH_COSTS[0] * queries + SEARCH_COSTS[1] * found) as u64;
+        if self.cost > u64::from(COMPARED_STEPS) * tests as u64 {
+            *self = Self { pause: STEPS_WITHOUT_SEARCH, ..Self::default() };
         }
     }
 }

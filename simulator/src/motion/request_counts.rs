@@ -7,9 +7,9 @@ use crate::model::Model;
 use crate::motion::binding::{BindingRequest, rejected};
 
 /// Largest fraction of refused requests without a warning.
-const REFUSED: f64 = 0.01;
+const MAX_REFUSED_FRACTION: f64 = 0.01;
 /// Smallest number of refused requests for which their fraction is known well enough.
-const LEAST: u64 = 10;
+const MIN_REFUSED_COUNT: u64 = 10;
 
 /// All and refused requests, by receptor type.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -41,15 +41,15 @@ impl RequestCounts {
         let said = |(k, receiver): (usize, &crate::Receiver)| {
             let [all, refused] = of(k);
             let fraction = refused as f64 / all as f64;
-            (fraction > REFUSED && refused >= LEAST).then(|| {
+            (fraction > MAX_REFUSED_FRACTION && refused >= MIN_REFUSED_COUNT).then(|| {
                 format!(
                     "{}: {:.1} % of the requests for its receptors were refused, because other requests of the same step took the \
                      last free receptors, so it binds fewer particles than in equilibrium; with a time-step of about {:.2e} s, \
                      {:.0} % are refused",
                     receiver.name,
                     100.0 * fraction,
-                    model.time_step * REFUSED / fraction,
-                    100.0 * REFUSED
+                    model.time_step * MAX_REFUSED_FRACTION / fraction,
+                    100.0 * MAX_REFUSED_FRACTION
                 )
             })
         };

@@ -85,7 +85,7 @@ impl FreePaths {
         kind: &SpeciesStep,
         [before, normal]: [[f32; 3]; 2],
         mut velocity: Option<&mut [f32; 3]>,
-        who: DrawContext,
+        context: DrawContext,
     ) -> (Path, [f32; 3]) {
         let SpeciesStep { length, lengths, diffusion, ref domain, .. } = *kind;
         let StepDrift { mut drift, at_wall } = kind.drift;
@@ -100,7 +100,7 @@ impl FreePaths {
             drift = std::array::from_fn(|axis| drift[axis] + carried[axis]);
         }
         let end = free_end(drift);
-        let words = || who.draw(0, Purpose::Wall);
+        let words = || context.draw(0, Purpose::Wall);
         if let Some(stream) = &self.stream {
             let reflect_at_end = |ends: [f32; 2]| match stream.vessel.along.filter(|&along| at_wall[along]) {
                 Some(along) => reflected(domain.axes[along], ends, length, words()[along]).unwrap_or(ends[1]),

@@ -42,8 +42,8 @@ pub(crate) struct Capture {
 
 impl Capture {
     /// Returns the time of the hit, in steps.
-    pub(crate) fn time(&self, who: DrawContext) -> f32 {
-        self.hit.time(who, self.event.receiver())
+    pub(crate) fn time(&self, context: DrawContext) -> f32 {
+        self.hit.time(context, self.event.receiver())
     }
 }
 
@@ -66,7 +66,7 @@ impl Event {
 pub(crate) struct ParticleMove {
     pub(crate) at: u32,
     pub(crate) species: u32,
-    pub(crate) who: DrawContext,
+    pub(crate) context: DrawContext,
     pub(crate) path: Path,
     /// End without walls.
     pub(crate) free_end: [f32; 3],
@@ -108,15 +108,15 @@ impl ActiveReceivers {
         surroundings: PathSurroundings<'_>,
         receivers: impl Iterator<Item = &'a ReceiverState>,
     ) -> Option<Capture> {
-        let ParticleMove { at, species, who, path, .. } = *moved;
+        let ParticleMove { at, species, context, path, .. } = *moved;
         let seen = receivers.filter(|state| state.receiver.sees[species as usize]);
         if self.any_reflect() {
             return reflect_or_keep(moved, surroundings, seen);
         }
         let mut first = FirstHit::default();
         for state in seen {
-            if let Some(hit) = hits(state, surroundings.domain, &path, who) {
-                first.update(who, Capture { hit, event: Event::Arrived { at, receiver: state.index } });
+            if let Some(hit) = hits(state, surroundings.domain, &path, context) {
+                first.update(context, Capture { hit, event: Event::Arrived { at, receiver: state.index } });
             }
         }
         first.0
@@ -129,9 +129,9 @@ pub(crate) struct FirstHit(pub(crate) Option<Capture>);
 
 impl FirstHit {
     /// Draws hitting times only for several hits.
-    pub(crate) fn update(&mut self, who: DrawContext, capture: Capture) {
+    pub(crate) fn update(&mut self, context: DrawContext, capture: Capture) {
         match &self.0 {
-            Some(earlier) if earlier.time(who) <= capture.time(who) => {}
+            Some(earlier) if earlier.time(context) <= capture.time(context) => {}
             _ => self.0 = Some(capture),
         }
     }
@@ -142,7 +142,7 @@ fn reflect_or_keep<'a>(
     PathSurroundings { domain, duration, walls }: PathSurroundings<'_>,
     seen: impl Iterator<Item = &'a ReceiverState>,
 ) -> Option<Capture> {
-    let ParticleMove { at, species, who, path, free_end, .. } = *moved;
+    let ParticleMove { at, species, context, path, free_end, .. } = *moved;
     let is_outside = |state: &ReceiverState| {
         signed_distance(state.receiver.radius, state.center, domain, path.before) >= 0.0
     };
@@ -164,13 +164,13 @@ fn reflect_or_keep<'a>(
             Some(ReflectedPath { first, path, .. }) if *first != state.index => path,
             _ => &path,
         };
-        let Some(hit) = hits(state, domain, taken, who) else { continue };
+        let Some(hit) = hits(state, domain, taken, context) else { continue };
         let event = match reflects(state) {
             true => adsorb(moved, state, (domain, taken, duration)),
             false => Some(Event::Arrived { at, receiver: state.index }),
         };
         if let Some(event) = event {
-            first.update(who, Capture { hit, event });
+            first.update(context, Capture { hit, event });
         }
     }
     first.0
@@ -181,7 +181,7 @@ fn adsorb(
     state: &ReceiverState,
     (domain, path, time_step): (&Boundary, &Path, f32),
 ) -> Option<Event> {
-    let ParticleMove { at, species, who, .. } = *moved;
+    let ParticleMove { at, species, context, .. } = *moved;
     let has_receptors = matches!(state.receiver.kind, ReceiverKind::Receptors(_));
     let reactivity = state.reactivities(species).sum();
     if has_receptors && reactivity <= 0.0 {
@@ -198,7 +198,7 @@ fn adsorb(
         }
     };
     // The first word has decided on the hit.
-    let [_, word, rank, of_type] = who.draw(state.index, Purpose::Receiver);
+    let [_, word, rank, of_type] = context.draw(state.index, Purpose::Receiver);
     if fine_unit(word) >= probability {
         return None;
     }

@@ -53,9 +53,9 @@ impl SpeciesSurfaces<'_> {
     #[cold]
     #[inline(never)]
     pub(crate) fn hold_back(&self, moved: &mut ParticleMove) {
-        let ParticleMove { species, who, path, free_end, .. } = moved;
+        let ParticleMove { species, context, path, free_end, .. } = moved;
         let mut ends = StepEnds { end: path.end, free: *free_end, after: path.after };
-        self.among_membranes(*species).hold_back(path.before, &mut ends, *who);
+        self.among_membranes(*species).hold_back(path.before, &mut ends, *context);
         (path.end, *free_end, path.after) = (ends.end, ends.free, ends.after);
     }
 
@@ -90,7 +90,7 @@ impl SpeciesSurfaces<'_> {
 
     #[inline(never)]
     fn absorb_at_walls(&self, moved: &ParticleMove, capture: Option<Capture>) -> Option<Capture> {
-        let ParticleMove { at, species, who, path, .. } = *moved;
+        let ParticleMove { at, species, context, path, .. } = *moved;
         let domain = &self.step.domain;
         let seen = self.surfaces.walls.iter().filter(|wall| wall.sees[species as usize]);
         let near_side =
@@ -98,7 +98,7 @@ impl SpeciesSurfaces<'_> {
         let mut first = FirstHit(capture);
         for wall in near_side {
             if let Some(hit) = wall.hit(domain, moved) {
-                first.update(who, Capture { hit, event: Event::Arrived { at, receiver: wall.receiver } });
+                first.update(context, Capture { hit, event: Event::Arrived { at, receiver: wall.receiver } });
             }
         }
         first.0

@@ -82,7 +82,7 @@ impl AbsorbingWall {
     }
 
     pub(crate) fn hit(&self, domain: &Boundary, moved: &ParticleMove) -> Option<Hit> {
-        let ParticleMove { who, path, free_end, reflection, .. } = moved;
+        let ParticleMove { context, path, free_end, reflection, .. } = moved;
         let height = |point: [f32; 3]| height(self.face, domain, point);
         let [a, b] = [path.before, *free_end].map(height);
         if a <= 0.0 {
@@ -100,7 +100,7 @@ impl AbsorbingWall {
             }
         }
         let probability = direct + reflected;
-        let draw = || open_unit(who.draw(self.receiver, Purpose::Receiver)[0]);
+        let draw = || open_unit(context.draw(self.receiver, Purpose::Receiver)[0]);
         let is_hit = probability >= 1.0 || probability > 0.0 && draw() < probability;
         if !is_hit {
             return None;
@@ -166,12 +166,12 @@ mod tests {
     use crate::random::gaussian::normals;
     use crate::random::philox::{DrawContext, Key};
 
-    fn free(path: Path, who: DrawContext) -> ParticleMove {
+    fn free(path: Path, context: DrawContext) -> ParticleMove {
         let free_end = path.end;
         ParticleMove {
             at: 0,
             species: 0,
-            who,
+            context,
             path,
             free_end,
             path_length: 0.0,
@@ -187,7 +187,7 @@ mod tests {
         let wall = AbsorbingWall { receiver: 0, sees: vec![true], face: WallFace::Low(1) };
         let n = 40_000_u32;
         for height in [0.3_f32, 1.0, 2.5] {
-            let who = |id| DrawContext { key: Key::new(7), id, step: 0 };
+            let context = |id| DrawContext { key: Key::new(7), id, step: 0 };
             let taken = (0..n).filter(|&id| {
                 let z = normals(Key::new(7).draw(id, 0, 0, Purpose::Move));
                 let before = [20.0, height - 1.0, 20.0];
@@ -200,7 +200,7 @@ mod tests {
                     drift: [0.0; 3],
                     diffusion: 0.5,
                 };
-                wall.hit(&domain, &free(path, who(id))).is_some()
+                wall.hit(&domain, &free(path, context(id))).is_some()
             });
             let expected = libm::erfc(f64::from(height) / 2.0_f64.sqrt());
             let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
@@ -217,13 +217,13 @@ mod tests {
         let wall = AbsorbingWall { receiver: 0, sees: vec![true], face: WallFace::Side };
         let n = 40_000_u32;
         for diffusion in [0.02_f32, 0.1, 0.3] {
-            let who = |id| DrawContext { key: Key::new(8), id, step: 0 };
+            let context = |id| DrawContext { key: Key::new(8), id, step: 0 };
             let taken = (0..n).filter(|&id| {
                 let z = normals(Key::new(8).draw(id, 0, 0, Purpose::Move));
                 let before = [1.0, 2.0, 3.0];
                 let end: [f32; 3] = std::array::from_fn(|k| before[k] + (2.0 * diffusion).sqrt() * z[k]);
                 let path = Path { before, end, after: end, free: end, drift: [0.0; 3], diffusion };
-                wall.hit(&domain, &free(path, who(id))).is_some()
+                wall.hit(&domain, &free(path, context(id))).is_some()
             });
             let mode = |n: i32| {
                 let rate = (f64::from(n) * std::f64::consts::PI).powi(2) * f64::from(diffusion);

@@ -17,9 +17,9 @@ pub struct Animation {
 /// The second line of the page, which tells it from pages of others.
 pub const PAGE_MARK: &str = "<!-- animation of lazygrid simulate -->";
 
-const HEAD: usize = 6;
-const ROW: usize = 5;
-const CENTER: usize = 3;
+const HEADER_WORDS: usize = 6;
+const PARTICLE_WORDS: usize = 5;
+const CENTER_WORDS: usize = 3;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
@@ -56,7 +56,9 @@ pub fn moving_receivers(model: &Model) -> impl Iterator<Item = usize> + '_ {
 }
 
 pub(crate) fn bytes_of(model: &Model, particles: u64) -> u64 {
-    4 * (HEAD as u64 + ROW as u64 * particles + (CENTER * moving_receivers(model).count()) as u64)
+    4 * (HEADER_WORDS as u64
+        + PARTICLE_WORDS as u64 * particles
+        + (CENTER_WORDS * moving_receivers(model).count()) as u64)
 }
 
 pub(crate) fn append(out: &mut impl Write, model: &Model, state: &State, most: NonZeroU32) -> io::Result<()> {
@@ -103,13 +105,13 @@ impl<R: Read> Frames<R> {
 
     fn frame(&mut self, first: u32) -> io::Result<Frame> {
         let [shift, low, high, count, receivers] = self.words()?;
-        let row = |[id, species, x, y, z]: [u32; ROW]| DrawnParticle {
+        let row = |[id, species, x, y, z]: [u32; PARTICLE_WORDS]| DrawnParticle {
             id,
             species,
             position: [x, y, z].map(f32::from_bits),
         };
         let rows = (0..count).map(|_| self.words().map(row)).collect::<io::Result<_>>()?;
-        let center = |words: [u32; CENTER]| words.map(f32::from_bits);
+        let center = |words: [u32; CENTER_WORDS]| words.map(f32::from_bits);
         let centers = (0..receivers).map(|_| self.words().map(center)).collect::<io::Result<_>>()?;
         Ok(Frame { step: first, shift, present: u64::from(low) | u64::from(high) << 32, rows, centers })
     }

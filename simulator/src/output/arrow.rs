@@ -17,8 +17,8 @@ use super::write_atomically;
 use crate::output::table::{TableReader, TableRow};
 use crate::{Error, Model};
 
-pub(super) const NAMES: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
-const BATCH: usize = 1 << 16;
+pub(super) const FILE_NAMES: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
+const BATCH_ROWS: usize = 1 << 16;
 
 #[derive(Clone)]
 enum Kind {
@@ -56,7 +56,7 @@ pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
         column("species", &species, false),
         column("count", &Kind::Large, false),
     ];
-    for (name, columns) in NAMES.into_iter().zip([&arrivals[..], &releases]) {
+    for (name, columns) in FILE_NAMES.into_iter().zip([&arrivals[..], &releases]) {
         let from = directory.join(name).with_extension("csv");
         let mut lines = TableReader::open(
             &from,
@@ -92,7 +92,7 @@ fn write<'a>(
     let mut file = FileWriter::try_new(out, &schema).map_err(other)?;
     loop {
         let mut lines = Vec::new();
-        while lines.len() < BATCH {
+        while lines.len() < BATCH_ROWS {
             let Some(line) = next()? else { break };
             lines.push(line);
         }
@@ -232,7 +232,7 @@ arrivals = true
         let folder = tempfile::tempdir().unwrap();
         let model = run(folder.path(), SCENARIO).unwrap();
         let table = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
-        for name in NAMES {
+        for name in FILE_NAMES {
             // Resumed runs find their copies by the mark, also in builds without Arrow.
             let bytes = fs::read(folder.path().join(name)).unwrap();
             assert!(bytes[..2048].windows(ARROW_MARK[1].len()).any(|part| part == ARROW_MARK[1].as_bytes()));
@@ -243,7 +243,7 @@ arrivals = true
             assert_eq!(found, expected.lines().skip(1).collect::<Vec<_>>(), "{name}");
             assert!(found.len() >= least, "{} {name}", found.len());
         }
-        let many: String = (0..BATCH + 5).map(|k| format!("{k},0.5,one,B,{k},,\n")).collect();
+        let many: String = (0..BATCH_ROWS + 5).map(|k| format!("{k},0.5,one,B,{k},,\n")).collect();
         let header = table("arrivals.csv").lines().next().unwrap().to_owned();
         fs::write(folder.path().join("arrivals.csv"), format!("{header}\n{many}")).unwrap();
         convert(folder.path(), &model).unwrap();
@@ -251,7 +251,7 @@ arrivals = true
         fs::write(folder.path().join("arrivals.csv"), format!("{header}\n1,x,one,B,1,,\n")).unwrap();
         let error = convert(folder.path(), &model).unwrap_err().to_string();
         assert!(error.contains("'x' is not such a number"), "{error}");
-        assert_eq!(rows(&folder.path().join("arrivals.arrow")).len(), BATCH + 5);
+        assert_eq!(rows(&folder.path().join("arrivals.arrow")).len(), BATCH_ROWS + 5);
     }
 
     #[test]

@@ -15,7 +15,7 @@ pub(crate) struct DiskEstimate {
 
 const SAMPLES: u32 = 1000;
 /// Mean bytes of a coordinate as text: eight digits, a point, half a sign.
-const COORDINATE: f64 = 9.7;
+const COORDINATE_BYTES: f64 = 9.7;
 
 impl DiskEstimate {
     pub(crate) fn times(self, runs: u32) -> Self {
@@ -136,7 +136,7 @@ fn decay(model: &Model, now: &mut [f64], time: f64) -> f64 {
 fn text(model: &Model, species: usize, ids: f64) -> f64 {
     let kind = &model.species[species];
     let radius = kind.radius.to_string().len();
-    digits(0.7 * ids) + (kind.name.len() + radius + 6) as f64 + 3.0 * COORDINATE
+    digits(0.7 * ids) + (kind.name.len() + radius + 6) as f64 + 3.0 * COORDINATE_BYTES
 }
 
 fn row(model: &Model, particle_counts: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {

@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use super::lock::{RANDOM, TEMPORARY};
+use super::lock::{RANDOM_LETTERS, TEMPORARY};
 use crate::Error;
 
 /// A complete file next to the one that it will replace. Dropping it removes it.
@@ -21,7 +21,7 @@ impl Draft {
         let write = || -> io::Result<NamedTempFile> {
             let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
             let mut builder = tempfile::Builder::new();
-            builder.prefix(TEMPORARY).rand_bytes(RANDOM);
+            builder.prefix(TEMPORARY).rand_bytes(RANDOM_LETTERS);
             #[cfg(unix)]
             builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
             let mut file = builder.tempfile_in(directory)?;

@@ -8,7 +8,7 @@ use crate::Error;
 
 /// Prefix of incomplete files, before random letters and digits.
 pub(super) const TEMPORARY: &str = ".lazygrid-draft-";
-pub(super) const RANDOM: usize = 6;
+pub(super) const RANDOM_LETTERS: usize = 6;
 
 const LOCK: &str = ".lock";
 
@@ -111,7 +111,7 @@ fn remove_temporaries(directory: &Path) {
         let name = entry.file_name();
         let random = name.to_str().and_then(|name| name.strip_prefix(TEMPORARY));
         let is_temporary = random.is_some_and(|random| {
-            random.len() == RANDOM && random.bytes().all(|b| b.is_ascii_alphanumeric())
+            random.len() == RANDOM_LETTERS && random.bytes().all(|b| b.is_ascii_alphanumeric())
         });
         let is_draft = is_temporary && entry.file_type().is_ok_and(|kind| kind.is_file());
         if is_draft && std::fs::remove_file(entry.path()).is_ok() {

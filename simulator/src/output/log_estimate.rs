@@ -60,15 +60,15 @@ impl Row {
     }
 
     fn release(&self) -> f64 {
-        self.moment + self.transmitter + self.species + COUNT
+        self.moment + self.transmitter + self.species + COUNT_BYTES
     }
 
     fn occupancy(&self) -> f64 {
-        2.0 * self.moment + self.receiver + self.species + self.transmitter + COUNT
+        2.0 * self.moment + self.receiver + self.species + self.transmitter + COUNT_BYTES
     }
 }
 
-const COUNT: f64 = 6.0;
+const COUNT_BYTES: f64 = 6.0;
 
 fn releases(model: &Model, [from, steps]: [u32; 2]) -> f64 {
     let window = [from.saturating_add(1), steps.saturating_add(1)];

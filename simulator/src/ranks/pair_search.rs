@@ -32,7 +32,7 @@ struct OutcomeMessage {
 }
 
 /// Load limit over the mean, above which space is repartitioned.
-const BOUND: f64 = 1.2;
+const MAX_IMBALANCE: f64 = 1.2;
 
 impl RankPairSearch {
     pub(super) fn new(model: &Model, detector: Config, rank: u32, ranks: u32) -> Result<Option<Self>, Error> {
@@ -59,7 +59,7 @@ impl RankPairSearch {
         let State { particles, totals, .. } = &mut run.state;
         let wrapped = rows::wrapped(&self.wrapper, particles);
         let ids: Vec<u64> = particles.id.iter().map(|&id| id.into()).collect();
-        let ranks = self.partitioner.assign(communicator, &wrapped, &ids, BOUND)?.ranks;
+        let ranks = self.partitioner.assign(communicator, &wrapped, &ids, MAX_IMBALANCE)?.ranks;
         let own_rank = communicator.rank();
         let mut leaving: Vec<u32> =
             (0..).zip(&ranks).filter(|&(_, &rank)| rank != own_rank).map(|(at, _)| at).collect();

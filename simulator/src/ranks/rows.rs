@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::model::particles::{Particle, Particles};
 
-const TASK: usize = 4096;
+const CHUNK: usize = 4096;
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -50,5 +50,5 @@ pub(super) fn wrapped(wrapper: &SphereWrapper, particles: &Particles) -> Vec<Wra
         let sphere = Sphere::new(particles.position_of(at), particles.radius[at]);
         wrapper.wrap(sphere, particles.species[at])
     };
-    (0..particles.len()).into_par_iter().with_min_len(TASK).map(wrapped).collect()
+    (0..particles.len()).into_par_iter().with_min_len(CHUNK).map(wrapped).collect()
 }

@@ -37,9 +37,9 @@ const CANDIDATES_PER_PARTICLE: usize = 4;
 const MIN_CAPACITY: usize = 1 << 14;
 /// Bit of the fourth random word of a pair for the order of equal reactants. The angle between products comes from that
 /// word, too, but ignores its lowest eight bits.
-const ORDER: u32 = 1;
-const TASK: usize = 4096;
-const BLOCK: usize = 64 * TASK;
+const ORDER_BIT: u32 = 1;
+const CHUNK: usize = 4096;
+const PAIRS_PER_BLOCK: usize = 64 * CHUNK;
 
 impl BestCandidates {
     pub fn new(particles: usize) -> Self {
@@ -88,14 +88,14 @@ impl Reactions {
         if self.is_empty() {
             return Ok(());
         }
-        for block in pairs.pairs.chunks(BLOCK) {
+        for block in pairs.pairs.chunks(PAIRS_PER_BLOCK) {
             let bound = best.bound;
             let candidate = |&pair: &Pair| {
                 let candidate = self.candidate(pairs, pair, &is_consumed)?;
                 bound.is_none_or(|bound| candidate.key() <= bound).then_some(candidate)
             };
             let chunk = |pairs: &[Pair]| pairs.iter().filter_map(candidate).collect::<Vec<_>>();
-            for chunk in block.par_chunks(TASK).map(chunk).collect::<Vec<_>>() {
+            for chunk in block.par_chunks(CHUNK).map(chunk).collect::<Vec<_>>() {
                 best.extend(&chunk)?;
             }
         }
@@ -122,13 +122,13 @@ impl Reactions {
         let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
         let candidate = |rule: &ReactionRule, priority, word| {
             // Either of two equal reactants may be the first. An order by id would favor early releases.
-            let lower_first = !rule.draws_order || word & ORDER == 0;
+            let lower_first = !rule.draws_order || word & ORDER_BIT == 0;
             let in_order = if a == b { (particles.id[i] == ids[0]) == lower_first } else { a == rule.first };
             let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
             ReactionCandidate { at, consumes: rule.consumes, rule: rule.reaction, priority, ids }
         };
         let is_open = |candidate: &ReactionCandidate| !candidate.claimed().any(|at| is_consumed(at as u32));
-        let may_be_open = |rule| [0, ORDER].into_iter().any(|word| is_open(&candidate(rule, 0, word)));
+        let may_be_open = |rule| [0, ORDER_BIT].into_iter().any(|word| is_open(&candidate(rule, 0, word)));
         if !shell.rules().any(may_be_open) {
             return None;
         }
@@ -141,8 +141,8 @@ impl Reactions {
     }
 
     #[inline]
-    fn dissociates(&self, species: u32, spared: &[u32], who: DrawContext) -> bool {
-        let is_within = self.dissociation_of(species).is_some_and(|time| time.is_within(who));
-        is_within && spared.binary_search(&who.id).is_err()
+    fn dissociates(&self, species: u32, spared: &[u32], context: DrawContext) -> bool {
+        let is_within = self.dissociation_of(species).is_some_and(|time| time.is_within(context));
+        is_within && spared.binary_search(&context.id).is_err()
     }
 }

@@ -47,14 +47,14 @@ impl DissociationTime {
     }
 
     /// Returns `true` if the particle dissociates in this step.
-    pub(crate) fn is_within(&self, who: DrawContext) -> bool {
-        who.draw(0, Purpose::Dissociation)[0] <= self.up_to
+    pub(crate) fn is_within(&self, context: DrawContext) -> bool {
+        context.draw(0, Purpose::Dissociation)[0] <= self.up_to
     }
 
     /// Returns steps from the beginning of the step or of the particle; `None` above one.
-    fn draw(&self, who: DrawContext) -> Option<f64> {
-        let word = || who.draw(1, Purpose::Dissociation)[0];
-        self.is_within(who).then(|| decay_time(self.rate, 1.0, word()))
+    fn draw(&self, context: DrawContext) -> Option<f64> {
+        let word = || context.draw(1, Purpose::Dissociation)[0];
+        self.is_within(context).then(|| decay_time(self.rate, 1.0, word()))
     }
 }
 
@@ -163,47 +163,47 @@ impl Decays {
     pub(crate) fn dissociates_before(
         &self,
         species: u32,
-        who: DrawContext,
+        context: DrawContext,
         hit: impl FnOnce() -> f32,
     ) -> bool {
         let dissociation = self.kinds[species as usize].dissociation;
-        dissociation.and_then(|time| time.draw(who)).is_some_and(|time| (time as f32) < hit())
+        dissociation.and_then(|time| time.draw(context)).is_some_and(|time| (time as f32) < hit())
     }
 
     /// Returns the time left when the product dissociates, negative after the step; `None` if it does not within a
     /// whole step.
-    fn left_at_dissociation(&self, decay: &ChainedDecay, who: DrawContext) -> Option<f64> {
+    fn left_at_dissociation(&self, decay: &ChainedDecay, context: DrawContext) -> Option<f64> {
         let dissociation = self.kinds[decay.product? as usize].dissociation?;
-        Some(decay.left() - dissociation.draw(who)? * self.time_step)
+        Some(decay.left() - dissociation.draw(context)? * self.time_step)
     }
 
     /// Returns `true` if the product dissociates within a whole step, but not within this one.
-    pub(crate) fn spares_product(&self, decay: &ChainedDecay, who: DrawContext) -> bool {
-        self.left_at_dissociation(decay, who).is_some_and(|left| left <= 0.0)
+    pub(crate) fn spares_product(&self, decay: &ChainedDecay, context: DrawContext) -> bool {
+        self.left_at_dissociation(decay, context).is_some_and(|left| left <= 0.0)
     }
 
     pub(crate) fn product_dissociates_before(
         &self,
         last: Option<&ChainedDecay>,
         order: &CaptureOrder,
-        who: DrawContext,
+        context: DrawContext,
     ) -> bool {
-        last.and_then(|decay| self.left_at_dissociation(decay, who)).is_some_and(|left| left > order.left)
+        last.and_then(|decay| self.left_at_dissociation(decay, context)).is_some_and(|left| left > order.left)
     }
 
     /// Calls `tell` with each decay of a particle in a step, in order.
     #[inline]
-    pub fn for_each_decay(&self, species: u32, who: DrawContext, mut tell: impl FnMut(ChainedDecay)) {
+    pub fn for_each_decay(&self, species: u32, context: DrawContext, mut tell: impl FnMut(ChainedDecay)) {
         let kind = &self.kinds[species as usize];
         if kind.channels.is_empty() {
             return;
         }
-        let [word, when, ..] = who.draw(0, Purpose::Decay);
+        let [word, when, ..] = context.draw(0, Purpose::Decay);
         let Some(channel) = kind.channels.iter().find(|channel| word <= channel.up_to) else { return };
         let first = kind.chained(channel, self.time_step, when);
         tell(first);
         if let Some(product) = channel.product.filter(|&product| self.kinds[product as usize].rate > 0.0) {
-            let words = |generation| who.draw(generation, Purpose::Decay);
+            let words = |generation| context.draw(generation, Purpose::Decay);
             self.continue_chain(product, first.left(), words, tell);
         }
     }
@@ -280,12 +280,12 @@ mod tests {
         let n = 100_000;
         let [mut dissociated, mut before] = [0_u32; 2];
         for id in 0..n {
-            let who = DrawContext { key: Key::new(5), id, step: 7 };
-            decays.for_each_decay(0, who, |decay| {
-                let is_spared = decays.spares_product(&decay, who);
-                dissociated += u32::from(dissociation.is_within(who) && !is_spared);
+            let context = DrawContext { key: Key::new(5), id, step: 7 };
+            decays.for_each_decay(0, context, |decay| {
+                let is_spared = decays.spares_product(&decay, context);
+                dissociated += u32::from(dissociation.is_within(context) && !is_spared);
                 let order = CaptureOrder::new(0, (0.5, 0.5));
-                before += u32::from(decays.product_dissociates_before(Some(&decay), &order, who));
+                before += u32::from(decays.product_dissociates_before(Some(&decay), &order, context));
             });
         }
         let both = |fraction: f64| 1.0 - 3.0 * (-2.0 * fraction).exp() + 2.0 * (-3.0 * fraction).exp();
@@ -313,9 +313,9 @@ mod tests {
         let n = 2000;
         let mut first = 0;
         for id in 0..n {
-            let who = DrawContext { key: Key::new(5), id, step: 7 };
+            let context = DrawContext { key: Key::new(5), id, step: 7 };
             let mut species = Some(0);
-            decays.for_each_decay(0, who, |decay| species = decay.product);
+            decays.for_each_decay(0, context, |decay| species = decay.product);
             first += u32::from(species == Some(0));
         }
         let (n, p) = (f64::from(n), 0.25);

@@ -58,7 +58,7 @@ impl Dissociated {
     }
 }
 
-const TASK: usize = 4096;
+const CHUNK: usize = 4096;
 
 /// Returns the decays of a species that dissociates, each with the largest random word at which it happens.
 pub(crate) fn channel_words(model: &Model, species: u32) -> Vec<(u32, usize)> {
@@ -114,8 +114,8 @@ impl Dissociation {
             return Vec::new();
         }
         let dissociates = |split: &Dissociated| spared.binary_search(&split.id).is_err();
-        let chunks = particles.species.par_chunks(TASK).enumerate().map(|(chunk, species)| {
-            let base = chunk * TASK;
+        let chunks = particles.species.par_chunks(CHUNK).enumerate().map(|(chunk, species)| {
+            let base = chunk * CHUNK;
             let split = |k: usize| self.split(particles, base + k, key, step);
             (0..species.len()).filter_map(split).filter(dissociates).collect()
         });

@@ -60,7 +60,7 @@ impl Consumed<'_> {
 const NONE: u32 = u32::MAX;
 const TAKEN: u32 = 0;
 
-const TASK: usize = 1024;
+const CHUNK: usize = 1024;
 /// Particles per candidate of a window, so that few of its candidates share particles. Results do not depend on it.
 const PARTICLES_PER_CANDIDATE: usize = 8;
 
@@ -98,14 +98,14 @@ impl Matching {
     fn choose(&self, candidates: &mut [ReactionCandidate], chosen: &mut Vec<ReactionCandidate>) {
         candidates.par_sort_unstable_by_key(ReactionCandidate::key);
         let (best, candidates) = (&self.best, &*candidates);
-        let window = (best.len() / PARTICLES_PER_CANDIDATE).max(TASK);
+        let window = (best.len() / PARTICLES_PER_CANDIDATE).max(CHUNK);
         let mut all_winners = Vec::new();
         for first in (0..candidates.len()).step_by(window) {
             let last = (first + window).min(candidates.len());
             let mut active: Vec<u32> = (first as u32..last as u32).collect();
             while !active.is_empty() {
                 let claimed = |c: u32| candidates[c as usize].claimed().map(|p| &best[p]);
-                let in_parallel = || active.par_iter().with_min_len(TASK).copied();
+                let in_parallel = || active.par_iter().with_min_len(CHUNK).copied();
                 in_parallel().for_each(|c| {
                     claimed(c).for_each(|p| {
                         p.fetch_min(c + 1, Ordering::Relaxed);
@@ -126,7 +126,7 @@ impl Matching {
                     };
                     claimed(c).for_each(clear);
                 });
-                let taken = winners.par_iter().with_min_len(TASK);
+                let taken = winners.par_iter().with_min_len(CHUNK);
                 taken.for_each(|&c| claimed(c).for_each(|p| p.store(TAKEN, Ordering::Relaxed)));
                 active = left;
             }

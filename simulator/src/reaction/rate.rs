@@ -114,19 +114,19 @@ pub fn rate_constant(binding_radius: f64, diffusion: f64, time_step: f64) -> f64
 const POINTS: usize = 8;
 const PANELS: usize = 12;
 /// Distance from σ, in step lengths s, beyond which the density has its asymptotic form.
-const FAR: f64 = 12.0;
+const ASYMPTOTIC_DISTANCE: f64 = 12.0;
 
 /// Returns c for σ = 1 and s = `step`.
 fn absorbed(step: f64) -> f64 {
     let b = 1.0 / step;
-    let far = b + FAR;
+    let far = b + ASYMPTOTIC_DISTANCE;
     let beyond = |x: f64| upper(far - x) - upper(far + x);
     steady(b, [&|x| -beyond(x), &|_| -1.0]) / b
 }
 
 /// Returns κ in s³, for radii in step lengths s.
 fn regained(binding: f64, unbinding: f64) -> f64 {
-    if unbinding > binding + FAR / 2.0 {
+    if unbinding > binding + ASYMPTOTIC_DISTANCE / 2.0 {
         // Far away the density is harmonic: a pair that dissociates to r₀ binds again with the probability c/r₀.
         let c = binding * absorbed(1.0 / binding);
         return 2.0 * std::f64::consts::PI * c / (1.0 - c / unbinding);
@@ -141,9 +141,9 @@ fn regained(binding: f64, unbinding: f64) -> f64 {
 /// Solves for v beyond `b`, with lengths in s, and returns the other unknown, c or κ. `unknown` returns its
 /// coefficients in the equation and at the last node, beyond which v has its asymptotic form.
 fn steady(b: f64, unknown: [&dyn Fn(f64) -> f64; 2]) -> f64 {
-    let nodes = panels(b, b + FAR);
+    let nodes = panels(b, b + ASYMPTOTIC_DISTANCE);
     // From further inside no step arrives.
-    let inside = panels((b - FAR).max(0.0), b);
+    let inside = panels((b - ASYMPTOTIC_DISTANCE).max(0.0), b);
     let n = nodes.len();
     let mut matrix = vec![vec![0.0; n + 2]; n + 1];
     for (row, &(x, _)) in nodes.iter().enumerate() {

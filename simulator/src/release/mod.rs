@@ -21,7 +21,7 @@ use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
 
 /// Number of draws of a point within a vessel.
-const ATTEMPTS: u32 = 64;
+const MAX_ATTEMPTS: u32 = 64;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Released {
@@ -258,8 +258,8 @@ impl Model {
             let words = words(part);
             self.position_at_site(batch, words, shape.random_site(words[0]))
         };
-        let drawn = (1..=ATTEMPTS).map(draw).find(is_inside);
-        drawn.unwrap_or_else(|| vessel.uniform_point(position, words(ATTEMPTS + 1)))
+        let drawn = (1..=MAX_ATTEMPTS).map(draw).find(is_inside);
+        drawn.unwrap_or_else(|| vessel.uniform_point(position, words(MAX_ATTEMPTS + 1)))
     }
 
     fn add(&self, particle: Particle, out: &mut Released) {

@@ -11,7 +11,7 @@ use crate::model::boundary::Boundary;
 use crate::model::particles::Particle;
 use crate::model::receiver::{rounding, signed_distance};
 use crate::motion::path_hit::length;
-use crate::motion::propagate::{Event, ROUNDED};
+use crate::motion::propagate::{Event, PATH_ROUNDING};
 use crate::motion::receiver_state::{ReceiverMove, ReceiverState};
 use crate::motion::species_step::{FreePaths, SpeciesStep};
 use crate::motion::surface_events::{Capture, ParticleMove};
@@ -120,14 +120,14 @@ impl Model {
         }
         let before = step.constants.domain.confine(position);
         let normal = gaussian::normals(at.key.draw(id, 1, 0, Purpose::PartialStep));
-        let who = at.draws_of(id);
+        let context = at.draws_of(id);
         let own = self.has_velocity().then_some(&mut velocity);
-        let (path, free_end) = step.paths.path(&step.constants, [before, normal], own, who);
+        let (path, free_end) = step.paths.path(&step.constants, [before, normal], own, context);
         let velocity = self.has_velocity().then_some(velocity);
         let mut moved = ParticleMove {
             at: 0,
             species,
-            who,
+            context,
             path,
             free_end,
             path_length: 0.0,
@@ -170,10 +170,10 @@ impl Model {
         let Particle { species: released, id, .. } = particle;
         let words = |generation| at.key.draw(id, 1 + generation, 0, Purpose::PartialStep);
         let velocity_words = || at.key.draw(id, 1, 0, Purpose::Velocity);
-        let who = at.draws_of(id);
+        let context = at.draws_of(id);
         let captures = |event: &Event, species| at.events.surfaces.captures(event, species);
         let ordered =
-            |capture: Capture| (CaptureOrder::new(released, (capture.time(who), age)), capture.event);
+            |capture: Capture| (CaptureOrder::new(released, (capture.time(context), age)), capture.event);
         let (mut species, mut decays, mut order) = (Some(released), Vec::new(), capture.map(ordered));
         at.events.decays.continue_chain(released, age, words, |chained| {
             if let Some((order, event)) = &mut order
@@ -230,7 +230,7 @@ impl<'a> PartialStep<'a> {
     ) -> Option<Capture> {
         let (begun, length) = (*moved, moved.length());
         let mut capture = self.resolve(moved, near.iter().copied(), hit_distance);
-        if moved.path_length > length * (1.0 + ROUNDED) {
+        if moved.path_length > length * (1.0 + PATH_ROUNDING) {
             *moved = begun;
             capture = self.resolve(moved, self.surfaces.active_receivers.all.iter(), f32::INFINITY);
         }

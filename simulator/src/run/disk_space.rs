@@ -5,7 +5,7 @@ use crate::scenario::Scenario;
 use crate::{Error, RunView};
 
 /// Rows of the series between checks.
-const ROWS: u32 = 4096;
+const ROWS_PER_CHECK: u32 = 4096;
 
 impl Run {
     /// Includes files of later replicas.
@@ -77,7 +77,7 @@ fn is_check_due(simulation: &impl RunView, output: Output) -> bool {
     if output.has_frame(step) || output.animated(step).is_some() {
         return true;
     }
-    step.is_multiple_of(output.every.saturating_mul(ROWS))
+    step.is_multiple_of(output.every.saturating_mul(ROWS_PER_CHECK))
         || model.logs_arrivals && (step.is_multiple_of(LOGGED_STEPS) || has_logged_many(simulation))
         || occupancy::is_logged(model) && step.is_multiple_of(output.every)
 }

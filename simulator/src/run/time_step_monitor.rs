@@ -8,9 +8,9 @@ use std::ops::Range;
 use crate::{Model, Schedule, Totals};
 
 /// Fraction of reactants per step.
-const FAST: f64 = 0.02;
+const FAST_FRACTION: f64 = 0.02;
 /// Fraction of fast reactions that warns.
-const MANY: f64 = 0.1;
+const MAX_FAST_FRACTION: f64 = 0.1;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TimeStepMonitor {
@@ -37,7 +37,7 @@ impl TimeStepMonitor {
             let fraction = count / steps.len().max(1) as f64 / there.max(1.0);
             let (all, fast, worst) = &mut self.seen[index];
             *all += count;
-            if fraction > FAST && there > 10.0 {
+            if fraction > FAST_FRACTION && there > 10.0 {
                 *fast += count;
                 *worst = worst.max(fraction);
             }
@@ -46,16 +46,16 @@ impl TimeStepMonitor {
 
     pub(crate) fn warnings(&self, model: &Model) -> Vec<String> {
         let said = |(reaction, &(all, fast, worst)): (&crate::Reaction, &(f64, f64, f64))| {
-            (fast > MANY * all).then(|| {
+            (fast > MAX_FAST_FRACTION * all).then(|| {
                 format!(
                     "'{}': {:.0} % of it came in steps in which more than {:.0} % of the reactants reacted, {:.0} % at the \
                      most, so that its rate was off by up to about {:.0} %; a shorter time step would do, of about {:.2e} s",
                     reaction.name,
                     100.0 * fast / all,
-                    100.0 * FAST,
+                    100.0 * FAST_FRACTION,
                     100.0 * worst,
                     50.0 * worst,
-                    model.time_step * FAST / worst
+                    model.time_step * FAST_FRACTION / worst
                 )
             })
         };

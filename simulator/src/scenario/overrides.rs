@@ -4,7 +4,7 @@ use super::Scenario;
 use crate::output::animation::Animation;
 
 /// Approximate number of frames of an animation.
-const FRAMES: u32 = 200;
+const ANIMATION_FRAMES: u32 = 200;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
@@ -24,7 +24,7 @@ impl Scenario {
     pub fn change(&mut self, changes: &Overrides) {
         let animation = |particles| Animation {
             // The scenario's steps, so that an extended run has the same interval.
-            every: changes.animate_every.map_or((self.steps / FRAMES).max(1), Into::into),
+            every: changes.animate_every.map_or((self.steps / ANIMATION_FRAMES).max(1), Into::into),
             particles,
         };
         self.output.animation = changes.animated.map(animation);

@@ -202,7 +202,7 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
 }
 
 /// Largest fraction of reversible pairs that bind again at once without a warning.
-const BOUND_AGAIN: f64 = 0.02;
+const MAX_REBOUND_FRACTION: f64 = 0.02;
 
 pub(super) fn slow_relaxation(
     equation: &str,
@@ -211,7 +211,7 @@ pub(super) fn slow_relaxation(
     time_step: f64,
 ) -> Option<String> {
     let again = 1.0 - rate::rate_constant(radius, diffusion, time_step) / rate;
-    (again > BOUND_AGAIN).then(|| {
+    (again > MAX_REBOUND_FRACTION).then(|| {
         format!(
             "'{equation}': {:.1} % of the pairs that dissociate to {} µm bind again at once; the equilibrium is that of \
              the rates, but it is approached {:.1} % more slowly; a larger unbinding-radius reduces this",

@@ -75,9 +75,9 @@ fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
 
 pub(crate) fn receptors() -> Vec<Row> {
     const N: u32 = 200;
-    const EDGE: f64 = 4.0;
+    const SIDE: f64 = 4.0;
     let radius = 0.5;
-    let free_volume = EDGE.powi(3) - 4.0 / 3.0 * std::f64::consts::PI * f64::powi(radius, 3);
+    let free_volume = SIDE.powi(3) - 4.0 / 3.0 * std::f64::consts::PI * f64::powi(radius, 3);
     let row = |(time_step, binding_rate): (f64, f64)| {
         let unbinding_rate = 5.0;
         let receptors = ReceptorType::new(100, binding_rate, unbinding_rate, [0]);
@@ -85,7 +85,7 @@ pub(crate) fn receptors() -> Vec<Row> {
         let model = Model {
             time_step,
             species: vec![species("A", 0.0, 1.0)],
-            transmitters: vec![burst(Shape::Box([EDGE as f32; 3]), &[(0, N)])],
+            transmitters: vec![burst(Shape::Box([SIDE as f32; 3]), &[(0, N)])],
             receivers: vec![receiver(radius, ReceiverKind::Receptors(vec![receptors]))],
             boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),
             ..Model::default()
@@ -139,7 +139,7 @@ fn competing(free: [u32; 2], receptors: [u32; 2], constants: [f64; 3]) -> [f64; 
 pub(crate) fn competition() -> Vec<Row> {
     const FREE: [u32; 2] = [150, 100];
     const RECEPTORS: [u32; 2] = [60, 30];
-    const EDGE: f64 = 4.0;
+    const SIDE: f64 = 4.0;
     let ligand = |species, binding_rate, unbinding_rate| Ligand { species, binding_rate, unbinding_rate };
     let [a, b, only] = [ligand(0, 2.0, 4.0), ligand(1, 3.0, 8.0), ligand(0, 1.0, 4.0)];
     let types = vec![
@@ -147,7 +147,7 @@ pub(crate) fn competition() -> Vec<Row> {
         ReceptorType { count: RECEPTORS[1], ligands: vec![only] },
     ];
     let receiver = Receiver { sees: vec![true; 2], ..receiver(0.5, ReceiverKind::Receptors(types)) };
-    let volume = EDGE.powi(3) - 4.0 / 3.0 * std::f64::consts::PI * f64::powi(0.5, 3);
+    let volume = SIDE.powi(3) - 4.0 / 3.0 * std::f64::consts::PI * f64::powi(0.5, 3);
     let constants = [a, b, only].map(|ligand| ligand.binding_rate / ligand.unbinding_rate / volume);
     let expected = competing(FREE, RECEPTORS, constants);
     let mut rows = Vec::new();
@@ -155,7 +155,7 @@ pub(crate) fn competition() -> Vec<Row> {
         let model = Model {
             time_step,
             species: vec![species("A", 0.0, 1.0), species("B", 0.0, 0.5)],
-            transmitters: vec![burst(Shape::Box([EDGE as f32; 3]), &[(0, FREE[0]), (1, FREE[1])])],
+            transmitters: vec![burst(Shape::Box([SIDE as f32; 3]), &[(0, FREE[0]), (1, FREE[1])])],
             receivers: vec![receiver.clone()],
             boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),
             ..Model::default()
@@ -257,11 +257,12 @@ pub(crate) fn moving() -> Vec<Row> {
 fn diffusing() -> Row {
     const SIDE: u32 = 10;
     const BURST: u32 = 40;
-    const OWN: f64 = 50.0;
+    const RECEIVER_DIFFUSION: f64 = 50.0;
     let (time, count) = (0.5, 100);
     let centers =
         (0..SIDE.pow(3)).map(|k| [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE].map(|c| 150.0 * c as f32));
-    let receiver = |center| Receiver { center, diffusion: OWN, ..receiver(R, ReceiverKind::Absorbing) };
+    let receiver =
+        |center| Receiver { center, diffusion: RECEIVER_DIFFUSION, ..receiver(R, ReceiverKind::Absorbing) };
     let near = |[x, y, z]: [f32; 3]| Transmitter {
         center: [x + DISTANCE as f32, y, z],
         ..burst(Shape::Point, &[(0, BURST)])
@@ -276,7 +277,7 @@ fn diffusing() -> Row {
     let simulation = run_for(&model, 7, count);
     let arrived = &simulation.state().totals.arrived;
     let fractions = arrived.iter().map(|row| row[0] as f64 / f64::from(BURST));
-    let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * (D + OWN) * time).sqrt());
+    let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * (D + RECEIVER_DIFFUSION) * time).sqrt());
     Row::mean("by many that diffuse", expected, fractions)
 }
 

@@ -9,7 +9,7 @@ use crate::Row;
 use crate::setup::{begin, burst, mean, run_for, species, steps};
 
 const PACKING: f64 = 0.40;
-const EDGE: u32 = 12;
+const PER_SIDE: u32 = 12;
 
 fn model(contact: Contact, packing: f64, time_step: f64, kind: Species, per_side: u32) -> Model {
     let n = per_side.pow(3);
@@ -28,7 +28,7 @@ fn model(contact: Contact, packing: f64, time_step: f64, kind: Species, per_side
 pub(crate) fn hard_spheres() -> Vec<Row> {
     let expected = (1.0 - PACKING / 2.0) / (1.0 - PACKING).powi(3);
     let elastic = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
-    let elastic = model(Contact::Elastic, PACKING, 0.02, elastic, EDGE);
+    let elastic = model(Contact::Elastic, PACKING, 0.02, elastic, PER_SIDE);
     let mut simulation = run_for(&elastic, 1, 1);
     let before = conserved(&simulation.state().particles);
     steps(&mut simulation, 150);
@@ -44,7 +44,7 @@ pub(crate) fn hard_spheres() -> Vec<Row> {
     let drift = (0..3).map(|k| (after.momentum[k] - before.momentum[k]).abs()).fold(0.0, f64::max);
     rows.push(Row::new("relative drift of momentum", 0.0, drift / before.speeds, 1e-5));
 
-    let mut pushed = model(Contact::Separate, PACKING, 0.02, species("A", 0.5, 1.0), EDGE);
+    let mut pushed = model(Contact::Separate, PACKING, 0.02, species("A", 0.5, 1.0), PER_SIDE);
     pushed.transmitters.clear();
     let mut simulation = begin(&pushed, 1);
     simulation.insert(melted);

@@ -87,11 +87,11 @@ struct Line {
 }
 
 /// Largest number of rows of the series in the charts.
-const ROWS: usize = 1000;
+const MAX_CHART_ROWS: usize = 1000;
 /// Largest number of particles per frame that determine the view.
-const SEEN: usize = 500;
+const MAX_VIEW_PARTICLES: usize = 500;
 /// Fraction of these particles that the view contains.
-const IN_SIGHT: f64 = 0.8;
+const VIEW_FRACTION: f64 = 0.8;
 
 impl Scene {
     pub(crate) fn new(model: &Model, title: &str, series: &Series) -> Self {
@@ -108,7 +108,7 @@ impl Scene {
         let mut transceivers: Vec<_> = sources.collect();
         // Walls, and the points that carry moving transmitters, have no radius.
         transceivers.extend(receivers.into_iter().filter(|receiver| receiver.shape.size[0] > 0.0));
-        let step = series.steps.len().div_ceil(ROWS).max(1);
+        let step = series.steps.len().div_ceil(MAX_CHART_ROWS).max(1);
         let kind = |species: &Species| SpeciesStyle { name: species.name.clone(), radius: species.radius };
         let mut scene = Self {
             title: title.to_owned(),
@@ -160,7 +160,7 @@ impl Scene {
         let time = f64::from(frame.step) * self.time_step;
         let (present, centers) = (frame.present, frame.centers.clone());
         self.frames.push(FrameSummary { step: frame.step, time, present, counts, low, size, centers });
-        for row in frame.rows.iter().step_by(frame.rows.len().div_ceil(SEEN).max(1)) {
+        for row in frame.rows.iter().step_by(frame.rows.len().div_ceil(MAX_VIEW_PARTICLES).max(1)) {
             let offset = std::array::from_fn(|k| row.position[k] - self.view.center[k]);
             self.distances.push(length(offset));
         }
@@ -175,7 +175,7 @@ impl Scene {
             self.distances.retain(|distance| distance.is_finite());
             self.distances.sort_unstable_by(f32::total_cmp);
             let last = self.distances.len().saturating_sub(1);
-            let most = self.distances.get((last as f64 * IN_SIGHT) as usize).copied().unwrap_or(0.0);
+            let most = self.distances.get((last as f64 * VIEW_FRACTION) as usize).copied().unwrap_or(0.0);
             let moved = self.transceivers.iter().filter_map(|transceiver| {
                 let distance = |frame: &FrameSummary| {
                     let center = frame.centers[transceiver.moves?];

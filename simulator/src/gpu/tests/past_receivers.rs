@@ -5,7 +5,7 @@ use crate::motion::receiver_state::ReceiverState;
 use crate::random::philox::{DrawContext, open_unit};
 use crate::{Axis, Vessel};
 
-const PIECES: &str = "#include params\nvar<private> params: Params;\n\
+const INCLUDES: &str = "#include params\nvar<private> params: Params;\n\
     struct Control { step: u32 }\nvar<private> control: Control;\nconst NOTHING: u32 = 0xffffffffu;\n\
     var<private> event_rows: array<EventRow, 1>;\nvar<private> spheres: array<vec4<f32>, 1>;\n\
     var<private> scene_rows: array<vec4<u32>, 1>;\nvar<private> trajectory: TrajectoryHeader;\n\
@@ -77,8 +77,8 @@ fn on_the_cpu(boundary: &Boundary, [particle, receiver]: [f32; 2], moves: bool, 
     state.drift = DRIFT.map(|c| factor * c);
     state.diffusion = receiver;
     state.dimensions = boundary.dimensions();
-    let who = DrawContext { key: Key([1, 2]), id, step: 3 };
-    hits(&state, &domain, &path, who).map(|hit| hit.time(who, 7))
+    let context = DrawContext { key: Key([1, 2]), id, step: 3 };
+    hits(&state, &domain, &path, context).map(|hit| hit.time(context, 7))
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn hits_of_long_paths_match_the_cpu() {
     for boundary in boundaries {
         for (diffusions, moves) in [([0.0, 0.0], true), ([0.02, 0.0], false), ([0.01, 0.01], true)] {
             let (mut met, mut others) = (0, 0);
-            let found = evaluate(&gpu, PIECES, &step_of(&boundary, diffusions, moves), count);
+            let found = evaluate(&gpu, INCLUDES, &step_of(&boundary, diffusions, moves), count);
             for (id, [is_hit, time, ..]) in (0..).zip(found) {
                 let expected = on_the_cpu(&boundary, diffusions, moves, id);
                 met += u32::from(expected.is_some());

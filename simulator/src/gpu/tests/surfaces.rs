@@ -23,7 +23,7 @@ use crate::random::philox::{Draws, open_unit};
 #[test]
 fn adsorption_and_unbinding_match_the_cpu() {
     let Some(gpu) = device() else { return };
-    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include unit_32\n#include first_passage\n#include adsorption";
+    let includes = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include unit_32\n#include first_passage\n#include adsorption";
     let body = "let length = ldexp(1.0, i32((k / 24u) % 8u) - 6);
         let surface = surface_of(ldexp(1.0, i32(k % 24u) - 16), length, 0.5);
         params.key = vec2(5u, 6u);
@@ -32,7 +32,7 @@ fn adsorption_and_unbinding_match_the_cpu() {
         let b = max(0.5 * length * f32((k / 1536u) % 8u) - length, -0.375);
         out[k] = bitcast<vec4<u32>>(vec4(adsorption_probability(surface, a, b), effective_part(surface),
             height_after(surface, &draws), length));";
-    let found = evaluate(&gpu, pieces, body, 12_288);
+    let found = evaluate(&gpu, includes, body, 12_288);
     let (mut others, time_step) = (0, 0.1);
     for (k, found) in (0..).zip(found) {
         let [stays, fraction, above, scale] = found.map(|word| f64::from(f32::from_bits(word)));
@@ -86,7 +86,7 @@ fn spheres(displacements: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
 #[test]
 fn paths_reflect_as_on_the_cpu() {
     let Some(gpu) = device() else { return };
-    let pieces = "const NOTHING: u32 = 0xffffffffu;\nstruct Now { step: u32 }\nvar<private> control: Now;
+    let includes = "const NOTHING: u32 = 0xffffffffu;\nstruct Now { step: u32 }\nvar<private> control: Now;
 #include params
 var<private> params: Params;
 #include philox
@@ -124,7 +124,7 @@ var<private> scene_rows: array<vec4<u32>, 6>;
             );
             let count = 20_000;
             let (mut bounced, mut others) = (0, 0);
-            for (k, [x, y, z, first]) in (0..).zip(evaluate(&gpu, pieces, &body, count)) {
+            for (k, [x, y, z, first]) in (0..).zip(evaluate(&gpu, includes, &body, count)) {
                 let units = |word: u32| philox([k, word, 2, 3], [4, 5]).map(open_unit);
                 let [before, random_units] = [units(1), units(2)];
                 let before: [f32; 3] = std::array::from_fn(|k| 4.0 * before[k] - 2.0);
@@ -335,7 +335,7 @@ fn refused_requests_are_counted_as_on_the_cpu() {
 #[test]
 fn hits_and_hit_times_match_the_cpu() {
     let Some(gpu) = device() else { return };
-    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include first_passage\n#include wall";
+    let includes = "#include params\nvar<private> params: Params;\n#include philox\n#include normal\n#include first_passage\n#include wall";
     let body = "let words = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));
         let more = philox(vec4(k, 2u, 2u, 3u), vec2(4u, 5u));
         let a = 2.0 * open_unit(words.x);
@@ -345,7 +345,7 @@ fn hits_and_hit_times_match_the_cpu() {
         out[k] = bitcast<vec4<u32>>(vec4(hit_probability(0.75, a, b, diffusion),
             first_passage(vec2(a, b - 1.0), normal, open_unit(words.z)),
             reflected_at_wall(-0.5, 8.0, vec2(a - 0.5, b - 1.5), 0.7, words.w), normal));";
-    let found = evaluate(&gpu, pieces, body, 4096);
+    let found = evaluate(&gpu, includes, body, 4096);
     let mut others = 0;
     for (k, found) in (0..).zip(found) {
         let words = philox([k, 1, 2, 3], [4, 5]);

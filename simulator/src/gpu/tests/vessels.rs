@@ -6,7 +6,7 @@ use crate::random::philox::open_unit;
 #[test]
 fn vessel_paths_match_the_cpu() {
     let Some(gpu) = device() else { return };
-    let pieces = "#include params\nvar<private> params: Params;\n#include philox\n#include boundary";
+    let includes = "#include params\nvar<private> params: Params;\n#include philox\n#include boundary";
     for along in [Some(0), Some(1), Some(2), None] {
         let vessel = Vessel { along, center: [1.0, -2.0, 0.5], radius: 2.0 };
         let body = format!(
@@ -22,7 +22,7 @@ fn vessel_paths_match_the_cpu() {
             1 + along.unwrap_or(3)
         );
         let (mut reflected, mut others, count) = (0, 0, 20_000);
-        for (k, [x, y, z, _]) in (0..).zip(evaluate(&gpu, pieces, &body, count)) {
+        for (k, [x, y, z, _]) in (0..).zip(evaluate(&gpu, includes, &body, count)) {
             let units = |word: u32| philox([k, word, 2, 3], [4, 5]).map(open_unit);
             let [w, m] = [units(1), units(2)];
             let before: [f32; 3] = std::array::from_fn(|k| vessel.center[k] + (2.8 * w[k] - 1.4));
@@ -43,7 +43,7 @@ fn vessel_paths_match_the_cpu() {
 #[test]
 fn absorption_from_inside_a_sphere_matches_the_cpu() {
     let Some(gpu) = device() else { return };
-    let pieces = "#include params\nvar<private> params: Params;\n#include control\n\
+    let includes = "#include params\nvar<private> params: Params;\n#include control\n\
         @group(0) @binding(1) var<storage, read_write> control: Control;\n\
         @group(0) @binding(2) var<storage, read> event_rows: array<EventRow>;\n\
         @group(0) @binding(3) var<storage, read> species_rows: array<SpeciesRow>;\n\
@@ -58,7 +58,7 @@ fn absorption_from_inside_a_sphere_matches_the_cpu() {
         out[k] = vec4(bitcast<vec3<u32>>(vec3(heights, diffusion)),
                       bitcast<u32>(hit_from_inside(2.0, heights, diffusion)));";
     let (mut between, count) = (0, 40_000);
-    for (k, words) in (0..).zip(evaluate(&gpu, pieces, body, count)) {
+    for (k, words) in (0..).zip(evaluate(&gpu, includes, body, count)) {
         let [a, b, diffusion, found] = words.map(f32::from_bits);
         let expected = hit_from_inside(2.0, [a, b], diffusion);
         assert!((found - expected).abs() < 1e-5, "{k}: {found}, not {expected}, {a} {b} {diffusion}");

@@ -7,7 +7,7 @@ use crate::random::gaussian::normals;
 
 /// Least width of a gap, in standard deviations of a substep. A substep that begins at one side reaches the other
 /// with a probability of 6 in 100 000.
-const WIDTH: f32 = 4.0;
+const MIN_GAP_WIDTH: f32 = 4.0;
 /// Largest number of substeps of a step.
 pub(crate) const MAX_SUBSTEPS: u32 = 256;
 
@@ -35,7 +35,7 @@ pub(crate) fn narrowest_gaps(membranes: &[Membrane], domain: &Boundary, species:
 
 /// Returns the number of substeps of a step with the standard deviation `spread`.
 pub(crate) fn substep_count(gap: f32, spread: f32) -> u32 {
-    let ratio = WIDTH * spread / gap;
+    let ratio = MIN_GAP_WIDTH * spread / gap;
     (ratio * ratio).ceil().clamp(1.0, MAX_SUBSTEPS as f32) as u32
 }
 

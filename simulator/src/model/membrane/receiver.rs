@@ -13,7 +13,7 @@ use crate::model::{Model, Species};
 /// coefficients of particle and surface. One step in 16 000 is longer along an axis.
 pub(super) const STEPS_APART: f64 = 4.0;
 /// Largest number of reflections in a step at several membranes; a receiver with more stays where it was.
-const PASSES: u32 = 8;
+const MAX_REFLECTIONS: u32 = 8;
 
 struct Side {
     center: [f32; 3],
@@ -63,7 +63,7 @@ impl Model {
         let sides: Vec<Side> =
             surfaces.iter().filter_map(|&surface| Side::new(surface, domain, center)).collect();
         let mut held = end;
-        for _ in 0..PASSES {
+        for _ in 0..MAX_REFLECTIONS {
             held = std::array::from_fn(|axis| mirrored(bounds[axis], held[axis], center[axis]));
             match sides.iter().find_map(|side| side.mirrored(domain, held)) {
                 Some(mirrored) if mirrored.into_iter().all(f32::is_finite) => held = mirrored,

@@ -30,7 +30,7 @@ use crate::random::philox::fine_unit;
 use crate::special::{ROOT_PI, erfcx};
 
 /// Largest number of crossings and reflections in a step; a particle with more stays where it was.
-const EVENTS: u32 = 64;
+const MAX_EVENTS: u32 = 64;
 /// Largest number of tried corrections of a rounded position; the k-th is 2^(k − 23) of the radius.
 const NUDGES: u32 = 8;
 
@@ -100,7 +100,7 @@ impl MembraneStep<'_> {
             walls: [None; 3],
         };
         let stays = SphereEnd { free: before, confined: before };
-        for event in 0..EVENTS {
+        for event in 0..MAX_EVENTS {
             let Some(obstacle) = ray.advance() else { return Some(ray.end().unwrap_or(stays)) };
             match obstacle {
                 Obstacle::Wall(axis, wall) => {

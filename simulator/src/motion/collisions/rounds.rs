@@ -28,7 +28,7 @@ use super::rules::{Event, Rules};
 
 /// Largest overlap of a late hit, in contact distances, for each of the two hits in a row.
 pub(crate) const SLACK: f64 = 1.0 / 256.0;
-const TASK: usize = 64;
+const CHUNK: usize = 64;
 
 #[derive(Debug, Default)]
 pub(crate) struct Adjacency {
@@ -128,7 +128,7 @@ impl Window<'_> {
             let outcome = || self.rules.outcome(movers, &event);
             Some((event, safe_from, (safe_from <= earliest).then(outcome)))
         };
-        let trials: Vec<_> = agenda.active.par_iter().with_min_len(TASK).filter_map(trial).collect();
+        let trials: Vec<_> = agenda.active.par_iter().with_min_len(CHUNK).filter_map(trial).collect();
         let mut progress = Progress { earliest, fastest: 0.0, collisions: 0 };
         for (event, safe_from, outcome) in &trials {
             agenda.safe_from[event.at[0] as usize] = *safe_from;
@@ -149,7 +149,7 @@ impl Window<'_> {
         let all = 0..movers.len() as u32;
         let mut next = Vec::new();
         let first = |at: u32| self.next_event(movers, at);
-        next.par_extend(all.clone().into_par_iter().with_min_len(TASK).map(first));
+        next.par_extend(all.clone().into_par_iter().with_min_len(CHUNK).map(first));
         let is_active: Vec<bool> = next.iter().map(|event: &Event| event.time <= self.horizon).collect();
         let active = all.filter(|&at| is_active[at as usize]).collect();
         let safe_from = vec![0.0; next.len()];
@@ -166,13 +166,13 @@ impl Window<'_> {
         changed.iter().for_each(|&at| agenda.news[at as usize] = News::Own);
         let stale = agenda.lose_partners(changed.iter().flat_map(|&at| self.neighbors.neighbors_of(at)));
         let again = |&at: &u32| self.next_event(movers, at);
-        let repeated: Vec<Event> = stale.par_iter().with_min_len(TASK).map(again).collect();
+        let repeated: Vec<Event> = stale.par_iter().with_min_len(CHUNK).map(again).collect();
         let of_one = |&at: &u32| {
             let others = self.neighbors.neighbors_of(at).iter();
             let events = others.filter_map(move |&other| self.rules.predict(movers, [at, other]));
             events.chain(self.rules.predict_wall(movers, at))
         };
-        let events: Vec<Event> = changed.par_iter().with_min_len(TASK).flat_map_iter(of_one).collect();
+        let events: Vec<Event> = changed.par_iter().with_min_len(CHUNK).flat_map_iter(of_one).collect();
         changed.iter().for_each(|&at| agenda.next[at as usize] = Event::NEVER);
         stale.iter().zip(repeated).for_each(|(&at, event)| agenda.set(at, event, self.horizon));
         for event in events {

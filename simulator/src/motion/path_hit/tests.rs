@@ -9,7 +9,7 @@ fn receiver_state(kind: ReceiverKind) -> ReceiverState {
     ReceiverState::new(0, receiver, 1.0)
 }
 
-const DRAWS: DrawContext = DrawContext { key: Key::new(1), id: 7, step: 3 };
+const CONTEXT: DrawContext = DrawContext { key: Key::new(1), id: 7, step: 3 };
 
 fn path(before: [f32; 3], end: [f32; 3], domain: &Boundary, diffusion: f32) -> Path {
     let drift = std::array::from_fn(|k| if diffusion == 0.0 { end[k] - before[k] } else { 0.0 });
@@ -24,7 +24,7 @@ fn diffusion_follows_the_bridge() {
     let met = |kind: ReceiverKind| {
         (0..n)
             .filter(|&id| {
-                hits(&receiver_state(kind.clone()), &open, &step, DrawContext { id, ..DRAWS }).is_some()
+                hits(&receiver_state(kind.clone()), &open, &step, DrawContext { id, ..CONTEXT }).is_some()
             })
             .count()
     };
@@ -34,15 +34,15 @@ fn diffusion_follows_the_bridge() {
     assert!(error.abs() < 4.0, "{error} standard errors");
     assert_eq!(met(ReceiverKind::Endpoint), 0);
     let at_rest = path([1.0, 1.25, 0.0], [1.0, 1.25, 0.0], &open, 0.0);
-    assert_eq!(hits(&receiver_state(ReceiverKind::Absorbing), &open, &at_rest, DRAWS), None);
+    assert_eq!(hits(&receiver_state(ReceiverKind::Absorbing), &open, &at_rest, CONTEXT), None);
     let inside = path([9.0, 0.0, 0.0], [1.5, 0.0, 0.0], &open, 0.25);
-    assert_eq!(hits(&receiver_state(ReceiverKind::Endpoint), &open, &inside, DRAWS), Some(Hit::at(1.0)));
+    assert_eq!(hits(&receiver_state(ReceiverKind::Endpoint), &open, &inside, CONTEXT), Some(Hit::at(1.0)));
 }
 
 #[test]
 fn receivers_and_segments_share_no_draws() {
     let one = |index, part, id| {
-        DrawContext { id, ..DRAWS }.hits_sphere([index, part], 1.0, [0.7, 1.0], 1.0).is_some()
+        DrawContext { id, ..CONTEXT }.hits_sphere([index, part], 1.0, [0.7, 1.0], 1.0).is_some()
     };
     let draws = |index, part| (0..256).map(|id| one(index, part, id)).collect::<Vec<bool>>();
     let indices = [0, 1, 1 << 15, 1 << 16, (1 << 16) + 1, 1 << 24, u32::MAX];
@@ -55,7 +55,7 @@ fn receivers_and_segments_share_no_draws() {
 #[test]
 fn path_without_diffusion_is_followed_through_walls_and_images() {
     let met = |domain: &Boundary, before, end| {
-        hits(&receiver_state(ReceiverKind::Absorbing), domain, &path(before, end, domain, 0.0), DRAWS)
+        hits(&receiver_state(ReceiverKind::Absorbing), domain, &path(before, end, domain, 0.0), CONTEXT)
             .is_some()
     };
     let open = Boundary::default();
@@ -84,7 +84,7 @@ fn path_without_diffusion_is_followed_to_the_side_of_a_vessel() {
         let mut ball = receiver_state(ReceiverKind::Absorbing);
         (ball.center, ball.receiver.radius) = (center, 0.5);
         let path = Path { before, end, after: end, free: free_end, drift, diffusion: 0.0 };
-        hits(&ball, &domain, &path, DRAWS).map(|hit| hit.time(DRAWS, 0))
+        hits(&ball, &domain, &path, CONTEXT).map(|hit| hit.time(CONTEXT, 0))
     };
     let [out, back] = [time([1.0, 4.0, 0.0], [1.0, 9.9, 0.0]), time([1.0, 4.0, 7.0], [1.0, 9.9, 11.0])];
     assert!(out.is_some_and(|time| (time - 3.5 / 9.9).abs() < 1e-6), "{out:?}");
@@ -106,7 +106,7 @@ fn path_without_diffusion_is_followed_past_the_end_and_the_side_of_a_vessel() {
     ball.receiver.radius = 0.25;
     for (center, expected) in [([1.0, 3.0, 1.5], true), ([1.0, 3.0, 2.5], false)] {
         ball.center = center;
-        assert_eq!(hits(&ball, &domain, &path, DRAWS).is_some(), expected, "{center:?}");
+        assert_eq!(hits(&ball, &domain, &path, CONTEXT).is_some(), expected, "{center:?}");
     }
 }
 
@@ -119,15 +119,15 @@ fn little_diffusion_hits_as_none_in_a_vessel() {
         let domain = Boundary { vessel: Some(vessel), ..Boundary::default() };
         let (mut met, mut others) = (0, 0);
         for id in 0..4000 {
-            let who = DrawContext { id, ..DRAWS };
-            let [before, drift] = [0, 1].map(|k| normals(who.draw(k, Purpose::Velocity)));
+            let context = DrawContext { id, ..CONTEXT };
+            let [before, drift] = [0, 1].map(|k| normals(context.draw(k, Purpose::Velocity)));
             let before = vessel.confine(before);
             let drift = drift.map(|z| 1.5 * z);
             let free = std::array::from_fn(|k| before[k] + drift[k]);
             let end = vessel.reflect(before, free, &mut [0.0; 3]);
             let hit = |diffusion| {
                 let path = Path { before, end, after: end, free, drift, diffusion };
-                hits(&ball, &domain, &path, who).is_some()
+                hits(&ball, &domain, &path, context).is_some()
             };
             let [exact, found] = [0.0, 1e-9].map(hit);
             met += u32::from(exact);
@@ -143,7 +143,7 @@ fn halves_of_a_path_follow_the_drift() {
     let open = Boundary::default();
     for (y, expected) in [(0.5, true), (1.2, false)] {
         let step = Path { diffusion: 1e-6, ..path([-3.0, y, 0.0], [9.0, y, 0.0], &open, 0.0) };
-        let hit = hits(&receiver_state(ReceiverKind::Absorbing), &open, &step, DRAWS);
+        let hit = hits(&receiver_state(ReceiverKind::Absorbing), &open, &step, CONTEXT);
         assert_eq!(hit.is_some(), expected, "{y}");
     }
 }
@@ -171,8 +171,8 @@ fn hitting_times_match_a_brownian_bridge() {
     for (heights, seed) in [([1.0_f64, 1.0], 1), ([0.2, 1.5], 2), ([1.5, -0.2], 3), ([0.7, 0.0], 4)] {
         let n = 20_000;
         let hit = Hit { begin: 0.0, duration: 1.0, heights: heights.map(|h| h as f32) };
-        let who = |id| DrawContext { key: Key::new(seed), id, step: 1 };
-        let times: Vec<f64> = (0..n).map(|id| hit.time(who(id), 2).into()).collect();
+        let context = |id| DrawContext { key: Key::new(seed), id, step: 1 };
+        let times: Vec<f64> = (0..n).map(|id| hit.time(context(id), 2).into()).collect();
         let [a, b] = heights;
         let density =
             |s: f64| s.powf(-1.5) * (1.0 - s).powf(-0.5) * (-0.5 * (a * a / s + b * b / (1.0 - s))).exp();

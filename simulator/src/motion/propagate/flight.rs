@@ -31,16 +31,16 @@ impl Propagator {
     }
 
     #[inline(always)]
-    pub(super) fn flight(&self, start: FlightStart, normal: [f32; 3], who: DrawContext) -> Flight {
+    pub(super) fn flight(&self, start: FlightStart, normal: [f32; 3], context: DrawContext) -> Flight {
         let FlightStart { species, position: before, velocity: mut begun } = start;
         let kind = &self.steps[species as usize];
         if let Some(tumbles) = &self.tumbles[species as usize] {
-            let words = who.draw(0, Purpose::Tumble);
+            let words = context.draw(0, Purpose::Tumble);
             tumbles.apply(before, &mut begun, words, &kind.domain);
         }
         let mut velocity = begun;
         let mutable_velocity = self.with_velocity.then_some(&mut velocity);
-        let (path, free_end) = self.paths.path(kind, [before, normal], mutable_velocity, who);
+        let (path, free_end) = self.paths.path(kind, [before, normal], mutable_velocity, context);
         Flight { path, free_end, begun, velocity }
     }
 }

@@ -78,7 +78,7 @@ fn run(
     let mut all = Vec::new();
     for step in 0..steps {
         searched += usize::from(
-            receiver_search.as_ref().is_some_and(|receiver_search| receiver_search.cost.rest == 0),
+            receiver_search.as_ref().is_some_and(|receiver_search| receiver_search.cost.pause == 0),
         );
         let receiver_moves = move_receivers(model, &centers, Key::new(3), step);
         motion.surfaces.active_receivers.set(&centers, &receiver_moves, &vec![5; centers.len()]);

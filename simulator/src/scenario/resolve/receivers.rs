@@ -68,7 +68,7 @@ fn at_sites(
 }
 
 /// Bytes of a receiver in a run, and bytes of its column for one species.
-const BYTES: [u64; 2] = [1000, 100];
+const RECEIVER_AND_COLUMN_BYTES: [u64; 2] = [1000, 100];
 
 fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> {
     let site_count = |one: &file::Receiver| -> u64 {
@@ -76,7 +76,8 @@ fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> 
         sites.into_iter().fold(1, u64::saturating_mul)
     };
     let count = many.iter().map(site_count).fold(0, u64::saturating_add);
-    let needed = count.saturating_mul(BYTES[0] + BYTES[1] * species as u64);
+    let needed =
+        count.saturating_mul(RECEIVER_AND_COLUMN_BYTES[0] + RECEIVER_AND_COLUMN_BYTES[1] * species as u64);
     let fits = check_available(&format!("{count} receivers"), needed, "declare fewer, or raise the limit");
     let span = many.first().map(|one| one.kind.span()).unwrap_or_default();
     fits.map_err(|error| Problem { key: Some("receiver".to_owned()), ..Problem::at(span, error.to_string()) })

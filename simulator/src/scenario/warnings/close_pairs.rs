@@ -9,7 +9,7 @@ use crate::model::receiver::{Receiver, finder, rounding};
 /// Largest number of pairs of a search.
 const MAX_PAIRS: usize = 1 << 20;
 /// Number of searches, each within half the distance of the former.
-const SEARCHES: usize = 64;
+const MAX_SEARCHES: usize = 64;
 /// Receivers that are tested against each other if the search refuses them.
 const MAX_TESTED: usize = 1000;
 const CHUNK: usize = 1 << 16;
@@ -22,7 +22,7 @@ pub(super) fn close_pairs(boundary: &Boundary, receivers: &[&Receiver], distance
     }
     let mut distance = distance;
     let mut pairs = Vec::new();
-    for _ in 0..SEARCHES {
+    for _ in 0..MAX_SEARCHES {
         let Ok(is_complete) = search(boundary, receivers, distance, &mut pairs) else {
             let tested = receivers.len().min(MAX_TESTED);
             return (0..tested).flat_map(|l| (0..l).map(move |k| [k, l])).collect();

@@ -9,7 +9,7 @@ use crate::model::{Flow, Model, Species, share_species};
 /// (Monte Carlo, 6·10⁴ particles).
 const LONG_IN_GAP: f64 = 0.4;
 /// Smaller gaps, in radii of the smaller sphere, are contacts: few particles reach them.
-const CONTACT: f64 = 0.03;
+const CONTACT_GAP: f64 = 0.03;
 /// Least drift across the gap of two walls, in D/L: weaker ones change a density by less than 2 %.
 const LEAST_DRIFT: f64 = 0.02;
 
@@ -86,7 +86,7 @@ pub(super) fn takes(receiver: &Receiver, species: usize) -> bool {
 fn gap_between(model: &Model, [(k, a), (l, b)]: [(usize, &Receiver); 2], species: usize) -> Option<Gap> {
     let meet = !a.moves() && !b.moves() && (takes(a, species) || takes(b, species));
     let length = f64::from(signed_distance(a.radius + b.radius, a.center, &model.boundary, b.center));
-    let least = CONTACT * f64::from(a.radius.min(b.radius));
+    let least = CONTACT_GAP * f64::from(a.radius.min(b.radius));
     (meet && length > least).then(|| Gap {
         length,
         diffusion: model.species[species].diffusion,
@@ -96,7 +96,7 @@ fn gap_between(model: &Model, [(k, a), (l, b)]: [(usize, &Receiver); 2], species
 
 fn gap_to_image(model: &Model, (k, receiver): (usize, &Receiver), species: usize) -> Option<Gap> {
     let length = f64::from(model.boundary.shortest_period()?) - 2.0 * f64::from(receiver.radius);
-    (takes(receiver, species) && length > CONTACT * f64::from(receiver.radius)).then(|| Gap {
+    (takes(receiver, species) && length > CONTACT_GAP * f64::from(receiver.radius)).then(|| Gap {
         length,
         diffusion: model.species[species].diffusion + receiver.diffusion,
         between: [Surface::Receiver(k), Surface::Image],
@@ -130,7 +130,7 @@ pub(super) fn absorbing_walls(model: &Model, species: usize) -> Vec<Wall> {
 impl Wall {
     /// Returns `true` if a sphere that does not move reaches the wall.
     pub(super) fn cuts(&self, receiver: &Receiver) -> bool {
-        let most = (1.0 + CONTACT as f32) * receiver.radius;
+        let most = (1.0 + CONTACT_GAP as f32) * receiver.radius;
         !receiver.moves()
             && receiver.radius > 0.0
             && self.height(receiver.center).is_some_and(|height| height <= most)
@@ -158,7 +158,7 @@ fn gap_to_wall(
     let radius = f64::from(receiver.radius);
     let length = f64::from(wall.height(receiver.center)?) - radius;
     let meet = !receiver.moves() && (takes(receiver, species) || wall.absorbs);
-    (meet && length > CONTACT * radius).then_some(Gap {
+    (meet && length > CONTACT_GAP * radius).then_some(Gap {
         length,
         diffusion: one.diffusion,
         between: [Surface::Receiver(k), Surface::Wall(wall.face)],
@@ -173,7 +173,7 @@ pub(in crate::scenario) fn overlapping_absorbers(model: &Model) -> Option<(usize
     let indices: Vec<usize> = (0..model.receivers.len()).filter(|&k| absorbs(&model.receivers[k])).collect();
     let all: Vec<&Receiver> = indices.iter().map(|&k| &model.receivers[k]).collect();
     let overlaps = |[other, one]: [&Receiver; 2]| {
-        let least = -(CONTACT as f32) * one.radius.min(other.radius);
+        let least = -(CONTACT_GAP as f32) * one.radius.min(other.radius);
         let radii = one.radius + other.radius;
         share_species(&other.sees, &one.sees)
             && signed_distance(radii, one.center, &model.boundary, other.center) < least

@@ -6,8 +6,8 @@ use crate::motion::tumble::tumble_probability;
 use crate::random::philox::probability_threshold;
 
 /// Largest relative error of a probability without a warning.
-const ROUNDED: f64 = 0.01;
-const WORDS: f64 = 4_294_967_296.0;
+const MAX_RELATIVE_ERROR: f64 = 0.01;
+const RANDOM_WORDS: f64 = 4_294_967_296.0;
 
 /// Indexed by decay.
 pub(in crate::scenario) fn rounded_decays(model: &Model) -> Vec<Option<String>> {
@@ -66,8 +66,12 @@ fn rounded(channels: &[(usize, f64)]) -> impl Iterator<Item = (usize, f64, f64)>
     channels.iter().filter_map(move |&(index, probability)| {
         let before = words(below);
         below += probability;
-        let rounded = (words(below) - before) / WORDS;
-        ((rounded - probability).abs() > ROUNDED * probability).then_some((index, probability, rounded))
+        let rounded = (words(below) - before) / RANDOM_WORDS;
+        ((rounded - probability).abs() > MAX_RELATIVE_ERROR * probability).then_some((
+            index,
+            probability,
+            rounded,
+        ))
     })
 }
 
@@ -79,6 +83,6 @@ fn message(name: &str, probability: f64, rounded: f64) -> String {
     format!(
         "'{name}' has the probability {probability:.3e} in a step, which is rounded to {rounded:.3e}, a multiple of 2⁻³², so \
          that {off}; take a longer time-step or a higher rate: probabilities of {:.2e} or more are rounded by 1 % at most",
-        1.0 / (ROUNDED * WORDS)
+        1.0 / (MAX_RELATIVE_ERROR * RANDOM_WORDS)
     )
 }

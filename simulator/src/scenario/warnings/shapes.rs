@@ -5,7 +5,7 @@ use crate::model::transmitter::{Shape, Transmitter};
 use crate::random::philox::{Key, Purpose};
 
 /// Number of points that are drawn to estimate the fraction of a shape outside the walls.
-const PLACES: u32 = 1000;
+const SAMPLED_POINTS: u32 = 1000;
 /// Larger fractions outside a vessel exclude a few particles in a thousand from all draws of `drawn_within_vessel`.
 const MOST_OUTSIDE: f64 = 0.9;
 /// Part of a coordinate or extent that rounding may add.
@@ -85,12 +85,12 @@ fn fractions_outside(transmitter: &Transmitter, boundary: &Boundary) -> (f64, f6
             .is_some_and(|vessel| vessel.distance(point) > f64::from(vessel.radius * (1.0 + ROUNDING)))
     };
     let (mut beyond, mut outside) = (0, 0);
-    for k in 0..PLACES {
+    for k in 0..SAMPLED_POINTS {
         let words = Key::new(0).draw(k, 0, 0, Purpose::Release);
         let offset = shape.offset(words, shape.random_site(words[0]), boundary);
         let point = std::array::from_fn(|axis| center[axis] + offset[axis]);
         beyond += u32::from(is_beyond(point));
         outside += u32::from(!is_beyond(point) && is_outside(point));
     }
-    (f64::from(beyond) / f64::from(PLACES), f64::from(outside) / f64::from(PLACES))
+    (f64::from(beyond) / f64::from(SAMPLED_POINTS), f64::from(outside) / f64::from(SAMPLED_POINTS))
 }

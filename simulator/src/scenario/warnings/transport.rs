@@ -119,7 +119,7 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
 }
 
 /// Largest volume per time that reactants sweep by drift and velocities, relative to their rate.
-const SWEPT: f64 = 0.05;
+const MAX_SWEPT_RATIO: f64 = 0.05;
 
 pub(in crate::scenario) fn swept_by_motion(
     equation: &str,
@@ -128,7 +128,7 @@ pub(in crate::scenario) fn swept_by_motion(
     speed: f64,
 ) -> Option<String> {
     let swept = std::f64::consts::PI * radius.powi(2) * speed;
-    (swept > SWEPT * rate).then(|| {
+    (swept > MAX_SWEPT_RATIO * rate).then(|| {
         format!(
             "'{equation}': the rate of {rate} µm³/s is that of diffusion alone, and reactants that move at {speed:.3} µm/s \
              relative to each other sweep up to {swept:.3} µm³/s with the binding radius of {radius:.3} µm, so that more react; \
