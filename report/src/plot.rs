@@ -232,9 +232,10 @@ mod tests {
                 (svg.matches("<circle").count(), bars)
             })
         };
-        let [some, none] = [PlotPoint::new(0.0, 0.1, (0.05, 0.2)), PlotPoint::new(1.0, 0.0, (0.0, 0.02))];
-        assert_eq!(drawn(vec![some, none]), Some((1, 2)));
-        assert_eq!(drawn(vec![none]), Some((0, 1)));
+        let [with_bar, without_bar] =
+            [PlotPoint::new(0.0, 0.1, (0.05, 0.2)), PlotPoint::new(1.0, 0.0, (0.0, 0.02))];
+        assert_eq!(drawn(vec![with_bar, without_bar]), Some((1, 2)));
+        assert_eq!(drawn(vec![without_bar]), Some((0, 1)));
         assert_eq!(drawn(vec![PlotPoint::new(1.0, 0.0, (0.0, 0.0))]), None);
     }
 }

@@ -136,11 +136,11 @@ impl Channels {
 
     /// Returns the errors at the best delay, the first of equal ones.
     pub fn least_errors(&self) -> impl Iterator<Item = &BitErrors> {
-        let same = |a: &BitErrors, b: &BitErrors| {
+        let is_same_link = |a: &BitErrors, b: &BitErrors| {
             (a.transmitter, a.receiver, a.detector) == (b.transmitter, b.receiver, b.detector)
         };
         self.bit_errors
-            .chunk_by(same)
+            .chunk_by(is_same_link)
             .filter_map(|all| all.iter().min_by(|a, b| a.least().total_cmp(&b.least())))
     }
 

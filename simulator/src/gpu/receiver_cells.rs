@@ -193,10 +193,11 @@ impl Cells {
     }
 
     fn head(&self) -> ReceiverCellsHeader {
-        let of = |value: &dyn Fn(usize) -> f64| Vec3::from_array(std::array::from_fn(|k| value(k) as f32));
+        let vector =
+            |value: &dyn Fn(usize) -> f64| Vec3::from_array(std::array::from_fn(|k| value(k) as f32));
         ReceiverCellsHeader {
-            low: of(&|k| self.low[k]),
-            cells_per_length: of(&|k| f64::from(self.cells[k]) / self.length[k]),
+            low: vector(&|k| self.low[k]),
+            cells_per_length: vector(&|k| f64::from(self.cells[k]) / self.length[k]),
             counts: UVec3::from_array(self.cells),
         }
     }

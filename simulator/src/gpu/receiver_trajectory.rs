@@ -41,10 +41,10 @@ impl ReceiverTrajectory {
             centers: Vec::new(),
             max_displacements: Vec::new(),
         };
-        let mut here = centers.to_vec();
+        let mut current_centers = centers.to_vec();
         for step in first..first + if moves { steps } else { 0 } {
-            let receiver_moves = receiver_state::move_receivers(model, &here, key, step);
-            for (&center, receiver_move) in here.iter().zip(&receiver_moves) {
+            let receiver_moves = receiver_state::move_receivers(model, &current_centers, key, step);
+            for (&center, receiver_move) in current_centers.iter().zip(&receiver_moves) {
                 let displacement = receiver_move.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
                 trajectory.head.max_displacement = trajectory.head.max_displacement.max(displacement);
                 trajectory.rows.push(ReceiverRow {
@@ -53,12 +53,14 @@ impl ReceiverTrajectory {
                 });
             }
             let next = receiver_moves.iter().map(|receiver_move| receiver_move.center).collect();
-            trajectory.centers.push(std::mem::replace(&mut here, next));
+            trajectory.centers.push(std::mem::replace(&mut current_centers, next));
         }
         trajectory.rows.extend(
-            here.iter().map(|&center| ReceiverRow { center: center.into(), ..ReceiverRow::default() }),
+            current_centers
+                .iter()
+                .map(|&center| ReceiverRow { center: center.into(), ..ReceiverRow::default() }),
         );
-        trajectory.centers.push(here);
+        trajectory.centers.push(current_centers);
         if moves {
             let length = |d: [f32; 3]| d.iter().map(|c| c * c).sum::<f32>().sqrt();
             let largest = |(at, &begin): (usize, &[f32; 3])| {

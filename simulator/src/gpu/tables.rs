@@ -323,10 +323,11 @@ fn reaction_row(
     rule: &ReactionRule,
     within: Option<f32>,
 ) -> ReactionRow {
-    let of = |product: Option<u32>| product.map(|species| &model.species[species as usize]);
-    let radius = |product: Option<u32>| of(product).map_or(0.0, |species| species.radius);
-    let speed = |product: Option<u32>| of(product).map_or(0.0, |species| species.speed as f32);
-    let thermal = |product: Option<u32>| of(product).map_or(0.0, |species| species.thermal_speed as f32);
+    let product_species = |product: Option<u32>| product.map(|species| &model.species[species as usize]);
+    let radius = |product: Option<u32>| product_species(product).map_or(0.0, |species| species.radius);
+    let speed = |product: Option<u32>| product_species(product).map_or(0.0, |species| species.speed as f32);
+    let thermal =
+        |product: Option<u32>| product_species(product).map_or(0.0, |species| species.thermal_speed as f32);
     let reaction = &model.reactions[rule.reaction as usize];
     let [share, first_share] = reactions.first_fractions_of(rule.reaction);
     let mut flags = u32::from(rule.consumes[0]) | u32::from(rule.consumes[1]) << 1;

@@ -92,21 +92,23 @@ fn random_words_match_the_cpu() {
 fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
     let Some(gpu) = device() else { return };
     let includes = "#include philox\n#include normal";
-    let body = |of: &str| {
-        format!("{SCATTERED} let w = philox(counter, key); out[k] = vec4(bitcast<vec3<u32>>({of}), 0u);")
+    let body = |expression: &str| {
+        format!(
+            "{SCATTERED} let w = philox(counter, key); out[k] = vec4(bitcast<vec3<u32>>({expression}), 0u);"
+        )
     };
     // Operations after the logarithm and the angle may round differently.
     let close = |a: f32, b: f32| (a - b).abs() <= 4e-7 * b.abs().max(0.25);
-    for (of, exact) in [
+    for (expression, exact) in [
         ("normals(w)", gaussian::normals as fn([u32; 4]) -> [f32; 3]),
         ("direction(w.x, w.y)", |w| gaussian::direction(w[0], w[1])),
     ] {
-        let found = evaluate(&gpu, includes, &body(of), 50_000);
+        let found = evaluate(&gpu, includes, &body(expression), 50_000);
         for (k, [x, y, z, _]) in (0..).zip(found) {
             let (counter, key) = scattered(k);
             let exact = exact(philox(counter, key));
             for (found, exact) in [x, y, z].map(f32::from_bits).into_iter().zip(exact) {
-                assert!(close(found, exact), "{of} {k}: {found} and not {exact}");
+                assert!(close(found, exact), "{expression} {k}: {found} and not {exact}");
             }
         }
     }

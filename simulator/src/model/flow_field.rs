@@ -58,8 +58,8 @@ impl FlowField {
     fn digest(&self) -> u64 {
         let mut digest = Digest::new();
         self.points.iter().for_each(|&n| digest.add(&(n as u64).to_le_bytes()));
-        for some in self.velocities.chunks(4096) {
-            digest.add(&some.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>());
+        for chunk in self.velocities.chunks(4096) {
+            digest.add(&chunk.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>());
         }
         digest.checksum()
     }

@@ -150,9 +150,9 @@ pub(crate) fn inside_of(
     }
     // Also serves non-finite coordinates, which the detector rejects.
     let has = |k: usize, at: usize| receivers[k].has_inside(centers[k], boundary, particles, at);
-    let of =
+    let pairs_inside =
         |k: usize| (0..particles.len()).filter(move |&at| has(k, at)).map(move |at| (k as u32, at as u32));
-    looking.into_iter().flat_map(of).collect()
+    looking.into_iter().flat_map(pairs_inside).collect()
 }
 
 fn found_inside(

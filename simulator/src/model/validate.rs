@@ -31,9 +31,9 @@ impl Model {
     }
 
     fn misfit_between_walls(&self, species: &Species) -> Option<String> {
-        let (which, wide) = self.boundary.too_narrow(species.radius)?;
+        let (walls, wide) = self.boundary.too_narrow(species.radius)?;
         Some(format!(
-            "species {} has the radius {} µm, but the walls {which} are {wide} µm apart; make the radius less than half of \
+            "species {} has the radius {} µm, but the walls {walls} are {wide} µm apart; make the radius less than half of \
              that, or move the walls apart",
             species.name, species.radius
         ))
@@ -75,20 +75,20 @@ impl Model {
     pub fn check(&self) -> Result<(), Error> {
         positive("the time step", self.time_step)?;
         for species in &self.species {
-            let of = |what: &str| format!("{what} of species {}", species.name);
-            not_negative(&of("the radius"), species.radius.into())?;
-            not_negative(&of("the diffusion coefficient"), species.diffusion)?;
-            not_negative(&of("the thermal speed"), species.thermal_speed)?;
-            not_negative(&of("the speed"), species.speed)?;
-            not_negative(&of("the tumble rate"), species.tumble_rate)?;
+            let name = |what: &str| format!("{what} of species {}", species.name);
+            not_negative(&name("the radius"), species.radius.into())?;
+            not_negative(&name("the diffusion coefficient"), species.diffusion)?;
+            not_negative(&name("the thermal speed"), species.thermal_speed)?;
+            not_negative(&name("the speed"), species.speed)?;
+            not_negative(&name("the tumble rate"), species.tumble_rate)?;
             if species.speed > 0.0 && species.thermal_speed > 0.0 {
                 return Err(Error::Model(
-                    of("the speed") + " and the thermal speed exclude each other; remove one",
+                    name("the speed") + " and the thermal speed exclude each other; remove one",
                 ));
             }
-            positive(&of("the mass"), species.mass)?;
+            positive(&name("the mass"), species.mass)?;
             if !species.drift.iter().all(|v| v.is_finite()) {
-                return Err(Error::Model(of("the drift") + " must be finite"));
+                return Err(Error::Model(name("the drift") + " must be finite"));
             }
             if let Some(message) = self.misfit(species) {
                 return Err(Error::Model(message));
@@ -182,7 +182,7 @@ impl Model {
     }
 
     fn check_receiver(&self, receiver: &Receiver) -> Result<(), Error> {
-        let of = |what: &str| format!("{what} of {}", receiver.name);
+        let name = |what: &str| format!("{what} of {}", receiver.name);
         if receiver.sees.len() != self.species.len() {
             let (known, says) = (self.species.len(), receiver.sees.len());
             return Err(Error::Model(format!(
@@ -190,21 +190,21 @@ impl Model {
                 receiver.name
             )));
         }
-        not_negative(&of("the diffusion coefficient"), receiver.diffusion)?;
-        not_negative(&of("the surface diffusion"), receiver.surface_diffusion)?;
+        not_negative(&name("the diffusion coefficient"), receiver.diffusion)?;
+        not_negative(&name("the surface diffusion"), receiver.surface_diffusion)?;
         if receiver.surface_diffusion > 0.0 && receiver.receptor_types().is_empty() {
             return Err(Error::Model(
-                of("the surface diffusion") + " moves bound particles; give it receptors, or set 0",
+                name("the surface diffusion") + " moves bound particles; give it receptors, or set 0",
             ));
         }
         if !receiver.velocity.iter().all(|v| v.is_finite()) {
-            return Err(Error::Model(of("the velocity") + " must be finite"));
+            return Err(Error::Model(name("the velocity") + " must be finite"));
         }
         match receiver.kind {
             ReceiverKind::Partial(Adsorption::PerStep(probability)) => {
-                is_probability(&of("the probability"), probability)?
+                is_probability(&name("the probability"), probability)?
             }
-            ReceiverKind::Partial(Adsorption::Reactivity(rate)) => not_negative(&of("the rate"), rate)?,
+            ReceiverKind::Partial(Adsorption::Reactivity(rate)) => not_negative(&name("the rate"), rate)?,
             ReceiverKind::Wall(face) => {
                 if let Some(message) = self.missing_wall(&receiver.name, face) {
                     return Err(Error::Model(message));
@@ -214,7 +214,7 @@ impl Model {
         }
         self.check_receptors(receiver)?;
         if receiver.reflects_some() {
-            positive(&of("the radius"), receiver.radius.into())?;
+            positive(&name("the radius"), receiver.radius.into())?;
         }
         let fault = self.resting_before(receiver).or_else(|| self.overlaps_wall(receiver));
         fault.map_or(Ok(()), |message| Err(Error::Model(message)))
@@ -244,12 +244,12 @@ impl Model {
     }
 
     fn check_reaction(&self, reaction: &Reaction) -> Result<(), Error> {
-        let of = |what: &str| format!("{what} of {}", reaction.name);
-        not_negative(&of("the binding radius"), reaction.binding_radius.into())?;
-        not_negative(&of("the unbinding radius"), reaction.unbinding_radius.into())?;
+        let name = |what: &str| format!("{what} of {}", reaction.name);
+        not_negative(&name("the binding radius"), reaction.binding_radius.into())?;
+        not_negative(&name("the unbinding radius"), reaction.unbinding_radius.into())?;
         match reaction.chance {
-            ReactionRate::PerTime(rate) => not_negative(&of("the rate inside"), rate)?,
-            ReactionRate::PerStep(probability) => is_probability(&of("the probability"), probability)?,
+            ReactionRate::PerTime(rate) => not_negative(&name("the rate inside"), rate)?,
+            ReactionRate::PerStep(probability) => is_probability(&name("the probability"), probability)?,
         }
         let named = reaction.reactants.into_iter().chain(reaction.products.into_iter().flatten());
         self.check_species(&reaction.name, named)?;
@@ -260,15 +260,15 @@ impl Model {
     }
 
     fn check_decay(&self, decay: &Decay) -> Result<(), Error> {
-        let of = |what: &str| format!("{what} of {}", decay.name);
-        not_negative(&of("the rate"), decay.rate)?;
+        let name = |what: &str| format!("{what} of {}", decay.name);
+        not_negative(&name("the rate"), decay.rate)?;
         let (Unbinding::Apart(radius) | Unbinding::Within(radius)) = decay.unbinding;
-        not_negative(&of("the unbinding radius"), radius.into())?;
+        not_negative(&name("the unbinding radius"), radius.into())?;
         if decay.products[0].is_none() && decay.splits() {
-            return Err(Error::Model(of("the second product") + " comes without a first; make it the first"));
+            let second = name("the second product");
+            return Err(Error::Model(second + " comes without a first; make it the first"));
         }
-        let products = decay.products.into_iter().flatten();
-        self.check_species(&decay.name, [decay.reactant].into_iter().chain(products))
+        self.check_species(&decay.name, [Some(decay.reactant)].into_iter().chain(decay.products).flatten())
     }
 
     fn check_channels(&self) -> Result<(), Error> {
@@ -331,7 +331,7 @@ impl Model {
                 let alphabet = message.modulation.alphabet(transmitter.release.len());
                 let known = match &message.symbols {
                     Symbols::Given(symbols) => symbols.iter().all(|&symbol| (symbol as usize) < alphabet),
-                    Symbols::Random { alphabet: of, .. } => *of as usize <= alphabet && of.is_power_of_two(),
+                    Symbols::Random { alphabet: m, .. } => *m as usize <= alphabet && m.is_power_of_two(),
                 };
                 if !known {
                     return refused(format!(
@@ -368,11 +368,11 @@ impl Model {
         Ok(())
     }
 
-    fn check_species(&self, of: &str, species: impl IntoIterator<Item = u32>) -> Result<(), Error> {
+    fn check_species(&self, owner: &str, species: impl IntoIterator<Item = u32>) -> Result<(), Error> {
         let count = self.species.len();
         match species.into_iter().find(|&s| s as usize >= count) {
             None => Ok(()),
-            Some(s) => Err(Error::Model(format!("{of} names species {s} but there are {count}"))),
+            Some(s) => Err(Error::Model(format!("{owner} names species {s} but there are {count}"))),
         }
     }
 }

@@ -34,12 +34,12 @@ impl RequestCounts {
 
     pub(crate) fn warnings(&self, model: &Model) -> Vec<String> {
         let first = model.first_receptor_types();
-        let of = |k: usize| {
+        let receiver_counts = |k: usize| {
             let counts = self.0.get(first[k] as usize..first[k + 1] as usize).unwrap_or_default();
             counts.iter().fold([0; 2], |sum, counts| [sum[0] + counts[0], sum[1] + counts[1]])
         };
         let said = |(k, receiver): (usize, &crate::Receiver)| {
-            let [all, refused] = of(k);
+            let [all, refused] = receiver_counts(k);
             let fraction = refused as f64 / all as f64;
             (fraction > MAX_REFUSED_FRACTION && refused >= MIN_REFUSED_COUNT).then(|| {
                 format!(

@@ -147,8 +147,8 @@ pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) ->
 
 /// Returns the height above a wall, negative beyond it.
 fn height(face: WallFace, domain: &Boundary, point: [f32; 3]) -> f32 {
-    let wall = |axis: usize, of: fn(f32, f32, f32) -> f32| match domain.axes[axis] {
-        Axis::Reflecting { low, high } => of(low, high, point[axis]),
+    let wall = |axis: usize, height: fn(f32, f32, f32) -> f32| match domain.axes[axis] {
+        Axis::Reflecting { low, high } => height(low, high, point[axis]),
         _ => f32::INFINITY,
     };
     match face {

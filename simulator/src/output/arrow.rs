@@ -35,10 +35,11 @@ struct Column {
 }
 
 pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
-    let of = |names: Vec<&str>| Kind::Name(Arc::new(StringArray::from(names)));
-    let receivers = of(model.receivers.iter().map(|receiver| &receiver.name[..]).collect());
-    let species = of(model.species.iter().map(|species| &species.name[..]).collect());
-    let transmitters = of(model.transmitters.iter().map(|transmitter| &transmitter.name[..]).collect());
+    let name_kind = |names: Vec<&str>| Kind::Name(Arc::new(StringArray::from(names)));
+    let receivers = name_kind(model.receivers.iter().map(|receiver| &receiver.name[..]).collect());
+    let species = name_kind(model.species.iter().map(|species| &species.name[..]).collect());
+    let transmitters =
+        name_kind(model.transmitters.iter().map(|transmitter| &transmitter.name[..]).collect());
     let column = |name, kind: &Kind, nullable| Column { name, kind: kind.clone(), nullable };
     let arrivals = [
         column("step", &Kind::Whole, false),

@@ -75,7 +75,7 @@ fn releases(model: &Model, [from, steps]: [u32; 2]) -> f64 {
     let steady = |(&(_, rate), (_, count)): (&(u32, f64), (u32, f64))| {
         count.min(count / (rate * model.time_step) + 1.0)
     };
-    let of = |one: &Transmitter| {
+    let release_rows = |one: &Transmitter| {
         let means = one.mean_between(window, model.time_step);
         match &one.schedule {
             Schedule::Steady { rates, .. } => rates.iter().zip(means).map(steady).sum(),
@@ -90,7 +90,7 @@ fn releases(model: &Model, [from, steps]: [u32; 2]) -> f64 {
             }
         }
     };
-    model.transmitters.iter().map(of).sum()
+    model.transmitters.iter().map(release_rows).sum()
 }
 
 /// Rows up to `step`: one for each release in each momentary receiver, but at most one per particle.

@@ -57,10 +57,12 @@ impl<'a, C: Communicator> RankHalo<'a, C> {
     /// Returns own movers that may be candidates on another rank, and are unknown there.
     fn unsent(&self, wrapped: &[WrappedSphere], own_count: usize, bounds: &RankBounds) -> Vec<SentGhost> {
         let this = self.communicator.rank();
-        let here = ClassBounds::all_of(&wrapped[..own_count]);
+        let own_bounds = ClassBounds::all_of(&wrapped[..own_count]);
         let mut unsent = Vec::new();
         for rank in (0..bounds.ranks()).filter(|&rank| rank != this) {
-            let is_near = |there: &&ClassBounds| here.iter().any(|here| here.can_pair(there, self.wrapper));
+            let is_near = |other_bounds: &&ClassBounds| {
+                own_bounds.iter().any(|own_bounds| own_bounds.can_pair(other_bounds, self.wrapper))
+            };
             let near: Vec<_> = bounds.of_rank(rank).iter().filter(is_near).collect();
             let known = self.sent.partition_point(|ghost| ghost.rank < rank);
             let known = &self.sent[known..self.sent.partition_point(|ghost| ghost.rank <= rank)];
@@ -248,9 +250,10 @@ mod tests {
                     |rank| indices.iter().filter(|&&at| rank != this && self.owner(at) == rank).count();
                 let mut sent = Vec::new();
                 for rank in (0..RANKS).filter(|&rank| rank != this) {
-                    let there = self.indices(rank, hops).into_iter().filter(|&at| self.owner(at) == this);
+                    let sent_indices =
+                        self.indices(rank, hops).into_iter().filter(|&at| self.owner(at) == this);
                     let local = |at| indices.iter().position(|&index| index == at).expect("own") as u32;
-                    sent.extend((0..).zip(there).map(|(ghost_index, at)| SentGhost {
+                    sent.extend((0..).zip(sent_indices).map(|(ghost_index, at)| SentGhost {
                         at: local(at),
                         rank,
                         ghost_index,
@@ -286,9 +289,9 @@ mod tests {
             let wrapper = SphereWrapper::new(Space::UNBOUNDED, table);
             threads::on(RANKS, |mut thread| {
                 let rank = thread.rank();
-                let mine = (0..800).filter(|k| k / 2 % RANKS == rank).map(mover);
+                let own_movers = (0..800).filter(|k| k / 2 % RANKS == rank).map(mover);
                 let mut movers: Vec<Mover> =
-                    mine.chain((has_target && rank == RANKS - 1).then_some(target)).collect();
+                    own_movers.chain((has_target && rank == RANKS - 1).then_some(target)).collect();
                 let own_count = movers.len();
                 RankHalo::new(&mut thread, &wrapper).add_ghosts(&mut movers, ALLOWANCE).expect("ghosts");
                 assert!(movers[own_count..].iter().all(|mover| mover.species < 2 || table.is_none()));

@@ -219,9 +219,9 @@ mod tests {
             |p: u32| owners[..p as usize].iter().filter(|&&owner| owner == owners[p as usize]).count() as u32;
         let is_here =
             |c: &&ReactionCandidate| owners[c.at[(c.ids[0] + c.ids[1]) as usize % 2] as usize] == rank;
-        let here: Vec<ReactionCandidate> = all.iter().filter(is_here).copied().collect();
+        let own_candidates: Vec<ReactionCandidate> = all.iter().filter(is_here).copied().collect();
         let foreign = |&p: &u32| owners[p as usize] != rank;
-        let mut ghosts: Vec<u32> = here.iter().flat_map(|c| c.at).filter(foreign).collect();
+        let mut ghosts: Vec<u32> = own_candidates.iter().flat_map(|c| c.at).filter(foreign).collect();
         ghosts.sort_unstable_by_key(|&p| (owners[p as usize], p));
         ghosts.dedup();
         let own_count = owners.iter().filter(|&&owner| owner == rank).count();
@@ -229,11 +229,12 @@ mod tests {
             Some(ghost) => (own_count + ghost) as u32,
             None => index(p),
         };
-        let here = here.into_iter().map(|c| ReactionCandidate { at: c.at.map(local), ..c }).collect();
-        let count = |of: u32| ghosts.iter().filter(|&&p| owners[p as usize] == of).count();
+        let own_candidates =
+            own_candidates.into_iter().map(|c| ReactionCandidate { at: c.at.map(local), ..c }).collect();
+        let count = |rank: u32| ghosts.iter().filter(|&&p| owners[p as usize] == rank).count();
         let counts: Vec<usize> = (0..ranks).map(count).collect();
         let particle = |&p: &u32| Particle { index: index(p), id: p.into(), ..Particle::default() };
-        (here, own_count, Ghosts::new(ghosts.iter().map(particle).collect(), &counts))
+        (own_candidates, own_count, Ghosts::new(ghosts.iter().map(particle).collect(), &counts))
     }
 
     /// Each rank chooses twice, to test the state between calls.
@@ -241,9 +242,9 @@ mod tests {
         let ranks = owners.iter().max().map_or(1, |most| most + 1);
         let chosen = threads::on(ranks, |mut thread| {
             let mut matching = DistributedMatching::default();
-            let (here, own_count, ghosts) = of_rank(all, owners, thread.rank());
+            let (own_candidates, own_count, ghosts) = of_rank(all, owners, thread.rank());
             let sample = |taken: &[bool], best: &mut BestCandidates| {
-                let open = here.iter().filter(|c| !c.claimed().any(|at| taken[at]));
+                let open = own_candidates.iter().filter(|c| !c.claimed().any(|at| taken[at]));
                 open.clone().try_for_each(|candidate| best.extend(&[*candidate]))
             };
             let [first, second] = [0, 1].map(|_| {

@@ -250,8 +250,8 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
     let mut table = Interactions::new(model.species.len() as u32, all).map_err(refused)?;
     for reaction in &model.reactions {
         let [a, b] = reaction.reactants;
-        let same = |other: &&Reaction| other.reactants == [a, b] || other.reactants == [b, a];
-        let radii = model.reactions.iter().filter(same).map(|reaction| reaction.binding_radius);
+        let has_same_reactants = |other: &&Reaction| other.reactants == [a, b] || other.reactants == [b, a];
+        let radii = model.reactions.iter().filter(has_same_reactants).map(|reaction| reaction.binding_radius);
         let distance = radii.fold(contact_distance(model, a, b), f32::max);
         table.set(a, b, Interaction::Within(distance.into())).map_err(refused)?;
     }

@@ -167,8 +167,8 @@ impl Model {
     }
 
     fn all_batches(&self, step: u32, key: Key) -> impl Iterator<Item = Batch<'_>> {
-        let of = move |(index, transmitter)| self.batches(transmitter, index, step, key);
-        (0..).zip(&self.transmitters).flat_map(of)
+        let batches = move |(index, transmitter)| self.batches(transmitter, index, step, key);
+        (0..).zip(&self.transmitters).flat_map(batches)
     }
 
     fn batches<'a>(&self, from: &'a Transmitter, index: u32, step: u32, key: Key) -> Vec<Batch<'a>> {

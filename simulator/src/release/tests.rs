@@ -168,10 +168,10 @@ fn fixed_steady_release_counts_every_particle_once() {
             transmitters: vec![steady(vec![(0, rate)], [from, until])],
             ..Model::default()
         };
-        let of = |step: u32| -> u64 {
+        let released_in_step = |step: u32| -> u64 {
             model.releases(step, Key::new(1)).map(|(_, _, count)| u64::from(count)).sum()
         };
-        let released: u64 = (0..=steps).map(of).sum();
+        let released: u64 = (0..=steps).map(released_in_step).sum();
         let expected = rate * (until.min(f64::from(steps) * time_step) - from);
         assert_eq!(released, (expected + 1e-6).floor() as u64, "{rate} per s in steps of {time_step} s");
     }

@@ -192,12 +192,13 @@ fn forget_parts(path: &Path, step: u32, parts: u32) {
     for entry in entries.flatten() {
         let file = entry.file_name();
         let numbers = file.to_str().and_then(|file| file.strip_prefix(&prefix)?.split_once('.'));
-        let numbers = numbers.and_then(|(of, rank)| Some((of.parse().ok()?, rank.parse().ok()?)));
-        let Some((of, rank)) = numbers else { continue };
-        let belongs = of == step && rank < parts;
+        let numbers =
+            numbers.and_then(|(part_step, rank)| Some((part_step.parse().ok()?, rank.parse().ok()?)));
+        let Some((part_step, rank)) = numbers else { continue };
+        let belongs = part_step == step && rank < parts;
         // Other programs may number their backups.
-        let is_part =
-            part_of(path, of, rank).file_name() == Some(&file) && sealed::has_kind(&entry.path(), Kind::Part);
+        let is_part = part_of(path, part_step, rank).file_name() == Some(&file)
+            && sealed::has_kind(&entry.path(), Kind::Part);
         if is_part && !belongs {
             drop::<std::io::Result<()>>(std::fs::remove_file(entry.path()));
         }

@@ -18,8 +18,8 @@ pub(crate) fn at_once(groups: &[Replicas]) -> u32 {
     }
 }
 
-fn threads(of: &Replicas) -> usize {
-    of.run.threads.unwrap_or_else(rayon::current_num_threads).max(1)
+fn threads(replicas: &Replicas) -> usize {
+    replicas.run.threads.unwrap_or_else(rayon::current_num_threads).max(1)
 }
 
 /// Does all replicas of all groups, one per thread at once, until `watch` breaks. Directories must be prepared.

@@ -153,7 +153,10 @@ mod tests {
         for (text, found) in [("lazygrid checkpoint 4\nmore", 4), ("lazygrid checkpoint 12, part\n", 12)] {
             std::fs::write(&path, text).expect("is written");
             let error = read::<u8>(&path, Kind::Whole).expect_err("is of another version");
-            assert!(matches!(error, Error::CheckpointVersion { found: of, .. } if of == found), "{error}");
+            assert!(
+                matches!(error, Error::CheckpointVersion { found: reported, .. } if reported == found),
+                "{error}"
+            );
         }
     }
 }

@@ -33,11 +33,11 @@ impl TimeStepMonitor {
         for (index, reaction) in model.reactions.iter().enumerate() {
             let count = (after.reacted[index] - before.reacted[index]) as f64;
             let [a, b] = reaction.reactants.map(|species| before.present[species as usize] as f64);
-            let there = if reaction.reactants[0] == reaction.reactants[1] { a / 2.0 } else { a.min(b) };
-            let fraction = count / steps.len().max(1) as f64 / there.max(1.0);
+            let reactants = if reaction.reactants[0] == reaction.reactants[1] { a / 2.0 } else { a.min(b) };
+            let fraction = count / steps.len().max(1) as f64 / reactants.max(1.0);
             let (all, fast, worst) = &mut self.seen[index];
             *all += count;
-            if fraction > FAST_FRACTION && there > 10.0 {
+            if fraction > FAST_FRACTION && reactants > 10.0 {
                 *fast += count;
                 *worst = worst.max(fraction);
             }

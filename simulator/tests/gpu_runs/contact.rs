@@ -98,8 +98,8 @@ fn points_of_a_burst_collide_with_spheres_as_on_the_cpu() {
             let contacts = runs.cpu.state().totals.contacts;
             assert_eq!(runs.gpu.totals().contacts, contacts, "{contact:?} {step}");
             met += contacts;
-            let there = runs.gpu.state().expect("a state").particles;
-            let far = distance(&there, &runs.cpu.state().particles, &model.boundary);
+            let gpu_particles = runs.gpu.state().expect("a state").particles;
+            let far = distance(&gpu_particles, &runs.cpu.state().particles, &model.boundary);
             assert!(far < 3e-4 * 4f32.powi(step), "{contact:?} {step}: {far}");
         }
         assert!(met > 50, "{contact:?}: {met}");
@@ -110,7 +110,7 @@ fn points_of_a_burst_collide_with_spheres_as_on_the_cpu() {
 fn long_steps_keep_energy_and_leave_no_overlap() {
     let Some(device) = device() else { return };
     let model = crowd(Contact::Elastic, 0.3, 1.0, 5);
-    let mut there = gpu_with(&device, &model, 3, GpuOptions { pair_capacity: 1, ..GpuOptions::default() });
+    let mut gpu_run = gpu_with(&device, &model, 3, GpuOptions { pair_capacity: 1, ..GpuOptions::default() });
     let energy = |state: &lazygrid_sim::State| -> f64 {
         let all = &state.particles;
         let square = |at: usize| -> f64 {
@@ -119,10 +119,10 @@ fn long_steps_keep_energy_and_leave_no_overlap() {
         };
         (0..all.len()).map(square).sum()
     };
-    let before = energy(&there.state().expect("a state"));
-    there.run(3).expect("steps");
-    let state = there.state().expect("a state");
-    assert!(there.totals().contacts > 200, "{}", there.totals().contacts);
+    let before = energy(&gpu_run.state().expect("a state"));
+    gpu_run.run(3).expect("steps");
+    let state = gpu_run.state().expect("a state");
+    assert!(gpu_run.totals().contacts > 200, "{}", gpu_run.totals().contacts);
     assert!((energy(&state) / before - 1.0).abs() < 1e-5, "{}", energy(&state) / before);
     let all = &state.particles;
     for a in 0..all.len() {
@@ -148,8 +148,8 @@ fn overlaps_are_separated_as_on_the_cpu() {
         assert!(totals.contacts > 300 && (totals.reacted[0] > 3) == (probability > 0.0), "{totals:?}");
         assert_eq!(runs.gpu.totals().contacts, totals.contacts);
         assert_eq!(runs.gpu.totals().reacted, totals.reacted);
-        let there = runs.gpu.state().expect("a state").particles;
-        let far = distance(&there, &runs.cpu.state().particles, &model.boundary);
+        let gpu_particles = runs.gpu.state().expect("a state").particles;
+        let far = distance(&gpu_particles, &runs.cpu.state().particles, &model.boundary);
         assert!(far < 1e-4, "{probability}: {far}");
     }
 }
@@ -200,9 +200,9 @@ fn drift_creates_no_overlaps_at_walls_as_on_the_cpu() {
     model.boundary = Boundary::reflecting([low; 3], [high; 3]);
     model.transmitters[0].shape = Shape::Lattice([high - low - 1.0; 3], [6; 3]);
     model.species.iter_mut().for_each(|species| species.drift = [-1e-6; 3]);
-    let mut there = gpu(&device, &model, 5);
-    there.run(20).expect("steps");
-    let overlaps: u64 = there.pairs_by_step().iter().sum();
+    let mut gpu_run = gpu(&device, &model, 5);
+    gpu_run.run(20).expect("steps");
+    let overlaps: u64 = gpu_run.pairs_by_step().iter().sum();
     assert!(overlaps < 3, "{overlaps}");
     let mut runs = Runs::new(&device, &model, 5);
     runs.steps(2);
@@ -216,14 +216,14 @@ fn pressure_and_diffusion_match_hard_spheres() {
     let Some(device) = device() else { return };
     let mut model = crowd(Contact::Elastic, 0.3, 0.25, 8);
     model.transmitters[0].release = vec![(0, 512)];
-    let mut there = gpu(&device, &model, 3);
-    there.run(16).expect("steps");
+    let mut gpu_run = gpu(&device, &model, 3);
+    gpu_run.run(16).expect("steps");
     let (mut collisions, steps) = (0, 48);
     for _ in 0..steps {
-        there.run(1).expect("a step");
-        collisions += there.totals().contacts;
+        gpu_run.run(1).expect("a step");
+        collisions += gpu_run.totals().contacts;
     }
-    let particles = there.state().expect("a state").particles;
+    let particles = gpu_run.state().expect("a state").particles;
     let n = particles.len() as f64;
     let square = |at: usize| particles.get(at).velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
     let thermal = ((0..particles.len()).map(square).sum::<f64>() / (3.0 * n)).sqrt();
@@ -236,14 +236,14 @@ fn pressure_and_diffusion_match_hard_spheres() {
     let slowed = |packing: f64| {
         let mut model = crowd(Contact::Separate, packing, 0.3, 6);
         model.transmitters[0].release = vec![(0, 216)];
-        let mut there = gpu(&device, &model, 7);
-        there.run(10).expect("steps");
+        let mut gpu_run = gpu(&device, &model, 7);
+        gpu_run.run(10).expect("steps");
         let mut moved = vec![[0.0_f32; 3]; 216];
-        let mut last = there.state().expect("a state").particles;
+        let mut last = gpu_run.state().expect("a state").particles;
         let steps = 24;
         for _ in 0..steps {
-            there.run(1).expect("a step");
-            let now = there.state().expect("a state").particles;
+            gpu_run.run(1).expect("a step");
+            let now = gpu_run.state().expect("a state").particles;
             for (at, moved) in moved.iter_mut().enumerate() {
                 let d = model.boundary.displacement(last.position_of(at), now.position_of(at));
                 (0..3).for_each(|k| moved[k] += d[k]);

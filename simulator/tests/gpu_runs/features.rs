@@ -273,13 +273,13 @@ fn in_portions(
 fn dissociations_and_arrivals_match_the_cpu() {
     let Some(device) = device() else { return };
     let model = dissociating();
-    let mut here = cpu(&model, 28);
+    let mut cpu_run = cpu(&model, 28);
     let mut expected = Vec::new();
     for _ in 0..12 {
-        here.step().expect("a step");
-        expected.extend_from_slice(here.arrivals());
+        cpu_run.step().expect("a step");
+        expected.extend_from_slice(cpu_run.arrivals());
     }
-    assert!(here.state().totals.decayed.iter().all(|&count| count > 20), "{:?}", here.state().totals);
+    assert!(cpu_run.state().totals.decayed.iter().all(|&count| count > 20), "{:?}", cpu_run.state().totals);
     assert!(expected.len() > 100 && expected.iter().any(|arrival| arrival.receiver == 1));
     let tight =
         GpuOptions { birth_capacity: 1, event_capacity: 1, pair_capacity: 1, ..GpuOptions::default() };
@@ -291,8 +291,8 @@ fn dissociations_and_arrivals_match_the_cpu() {
     ] {
         let (arrivals, run) = in_portions(&device, &model, options, &portions);
         let state = run.state().expect("a state");
-        assert_close(&state, here.state(), 2e-4);
-        assert_eq!(state.origins, here.state().origins, "{options:?}");
+        assert_close(&state, cpu_run.state(), 2e-4);
+        assert_eq!(state.origins, cpu_run.state().origins, "{options:?}");
         assert_eq!(arrivals, expected, "{options:?} {portions:?}");
     }
 }
@@ -350,14 +350,14 @@ fn dissociation_grows_beyond_the_capacity_for_particles() {
 fn arrivals_of_exact_runs_match_the_cpu() {
     let Some(device) = device() else { return };
     let model = Model { logs_arrivals: true, ..dyadic() };
-    let mut here = cpu(&model, 28);
+    let mut cpu_run = cpu(&model, 28);
     let mut expected = Vec::new();
     for _ in 0..9 {
-        here.step().expect("a step");
-        expected.extend_from_slice(here.arrivals());
+        cpu_run.step().expect("a step");
+        expected.extend_from_slice(cpu_run.arrivals());
     }
     assert!(expected.len() > 20);
     let (arrivals, run) = in_portions(&device, &model, GpuOptions::default(), &[9]);
     assert_eq!(arrivals, expected);
-    assert_eq!(run.state().expect("a state").origins, here.state().origins);
+    assert_eq!(run.state().expect("a state").origins, cpu_run.state().origins);
 }

@@ -122,8 +122,8 @@ fn moves_match_the_cpu_up_to_rounding() {
     let model = brownian(false);
     let mut runs = Runs::new(&device, &model, 6);
     runs.steps(3);
-    let there = runs.gpu.state().expect("a state");
-    for (a, b) in by_id(&there).into_iter().zip(by_id(runs.cpu.state())) {
+    let gpu_state = runs.gpu.state().expect("a state");
+    for (a, b) in by_id(&gpu_state).into_iter().zip(by_id(runs.cpu.state())) {
         assert_eq!((a.id, a.species), (b.id, b.species));
         assert!(a.position.into_iter().zip(b.position).all(|(a, b)| (a - b).abs() < 2e-6), "{a:?} {b:?}");
     }

@@ -118,14 +118,15 @@ fn spheres_hold_back_as_on_the_cpu() {
         let open = Model { membranes: Vec::new(), ..model };
         assert_ne!(compare(&open, seed, 8).particles, state.particles);
         let model = Model { boundary, ..cells(0.1) };
-        let mut here = cpu(&model, seed);
+        let mut cpu_run = cpu(&model, seed);
         for _ in 0..4 {
             let options = GpuOptions::default();
-            let there = GpuSimulation::resume(model.clone(), seed, device.clone(), options, here.state());
-            let mut there = there.expect("a state");
-            there.run(1).expect("a step");
-            here.step().expect("a step");
-            assert_close(&there.state().expect("a state"), here.state(), 1e-5);
+            let gpu_run =
+                GpuSimulation::resume(model.clone(), seed, device.clone(), options, cpu_run.state());
+            let mut gpu_run = gpu_run.expect("a state");
+            gpu_run.run(1).expect("a step");
+            cpu_run.step().expect("a step");
+            assert_close(&gpu_run.state().expect("a state"), cpu_run.state(), 1e-5);
         }
     }
 }

@@ -106,11 +106,11 @@ fn hits_of_long_paths_match_the_cpu() {
                 let expected = on_the_cpu(&boundary, diffusions, moves, id);
                 met += u32::from(expected.is_some());
                 let found = (is_hit != 0).then_some(f32::from_bits(time));
-                let same = match (found, expected) {
+                let is_equal = match (found, expected) {
                     (Some(a), Some(b)) => (a - b).abs() < 1e-3,
                     (a, b) => a.is_none() == b.is_none(),
                 };
-                others += u32::from(!same);
+                others += u32::from(!is_equal);
             }
             assert!(met > count / 50, "{boundary:?} {diffusions:?}: {met} hits");
             // Rounding decides on grazing paths.

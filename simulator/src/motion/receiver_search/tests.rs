@@ -95,7 +95,7 @@ fn run(
 
 #[test]
 fn loop_replaces_searches_if_all_particles_are_near_receivers() {
-    let of = |half: f32| {
+    let model_of = |half: f32| {
         let mut model = model(Boundary::reflecting([-half; 3], [half; 3]), None, 0.0);
         let receiver = Receiver { center: [0.0; 3], radius: 0.2, ..model.receivers[9].clone() };
         model.receivers = vec![Receiver { kind: ReceiverKind::Reflecting, ..receiver }];
@@ -103,7 +103,7 @@ fn loop_replaces_searches_if_all_particles_are_near_receivers() {
         model
     };
     for (half, few, most) in [(0.35, 2, 40), (3.0, 400, 600)] {
-        let model = of(half);
+        let model = model_of(half);
         let (found, searched) = run(&model, 600, true);
         assert!((few..=most).contains(&searched), "{searched} of 600 steps searched in {half}");
         assert_eq!(found, run(&model, 600, false).0, "{half}");
@@ -136,7 +136,7 @@ fn a_search_finds_the_receivers_of_a_loop() {
 
 #[test]
 fn receivers_in_the_path_of_a_pushed_particle_are_found() {
-    let of = |center: f32, kind, velocity| Receiver {
+    let receiver_at = |center: f32, kind, velocity| Receiver {
         name: "rx".into(),
         center: [center, 0.0, 0.0],
         radius: 0.5,
@@ -152,9 +152,9 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
             time_step: 0.01,
             species: vec![Species { name: "A".into(), radius: 0.01, mass: 1.0, ..Species::default() }],
             receivers: vec![
-                of(-0.51, ReceiverKind::Reflecting, 100.0),
-                of(2.1, kind.clone(), back),
-                of(4.2, ReceiverKind::Absorbing, 0.0),
+                receiver_at(-0.51, ReceiverKind::Reflecting, 100.0),
+                receiver_at(2.1, kind.clone(), back),
+                receiver_at(4.2, ReceiverKind::Absorbing, 0.0),
             ],
             ..Model::default()
         };

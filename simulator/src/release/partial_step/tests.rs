@@ -108,14 +108,14 @@ fn distant_receivers_change_nothing() {
     let moves: Vec<_> = born.iter().map(|&born| model.partial_move(&batch, born, at)).collect();
     let (mut arrived, mut left_out, mut first) = (0, 0, 0);
     for length in (1..=7).cycle() {
-        let some = first..(first + length).min(born.len());
-        if some.is_empty() {
+        let range = first..(first + length).min(born.len());
+        if range.is_empty() {
             break;
         }
-        first = some.end;
-        let near = at.near(&model.boundary, &moves[some.clone()]);
+        first = range.end;
+        let near = at.near(&model.boundary, &moves[range.clone()]);
         left_out += all.len() - near.len();
-        for (&born, moved) in born[some.clone()].iter().zip(&moves[some]) {
+        for (&born, moved) in born[range.clone()].iter().zip(&moves[range]) {
             let [found, expected] =
                 [&near, &all].map(|receivers| model.partial_outcome(born, moved.clone(), receivers, at));
             assert_eq!(found, expected);

@@ -94,8 +94,9 @@ impl<'a> Draft<'a> {
             unbinding_radius: unbinding_radius(&file.unbinding_radius, products, &file.equation)?,
             ..Reaction::default()
         };
-        let sum =
-            |of: fn(&crate::Species) -> f64| [a, b].iter().map(|&s| of(&names.species[s as usize])).sum();
+        let sum = |value: fn(&crate::Species) -> f64| {
+            [a, b].iter().map(|&s| value(&names.species[s as usize])).sum()
+        };
         let speed = relative_speed([a, b].map(|species| &names.species[species as usize]));
         Ok(Self { file, bare, diffusion: sum(|s| s.diffusion), touch: sum(|s| s.radius.into()), speed })
     }

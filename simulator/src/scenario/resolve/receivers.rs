@@ -172,16 +172,16 @@ fn kind(one: &file::Receiver, names: &Names<'_>, sees: &[bool]) -> Result<Receiv
         ),
         (one.face.as_ref().map(Spanned::span), "face", file::ReceiverKind::Wall),
     ];
-    for (span, key, of) in misplaced {
-        if let Some(span) = span.filter(|_| kind != of) {
-            let of = match of {
+    for (span, key, kind_of_key) in misplaced {
+        if let Some(span) = span.filter(|_| kind != kind_of_key) {
+            let kind_of_key = match kind_of_key {
                 file::ReceiverKind::Partial => "partial",
                 file::ReceiverKind::Wall => "wall",
                 _ => "receptors",
             };
             return Err(Problem::at(
                 span,
-                format!("{key} goes with kind = \"{of}\"; remove the key, or change the kind"),
+                format!("{key} goes with kind = \"{kind_of_key}\"; remove the key, or change the kind"),
             ));
         }
     }

@@ -48,12 +48,12 @@ pub(in crate::scenario) fn many_collisions(model: &Model, steps: u32) -> Option<
         let all = model.species.iter().zip(&counts).map(with);
         all.fold([0.0; 2], |sum, rate| [sum[0] + rate[0], sum[1] + rate[1]])
     });
-    let of = |[diffusive, ballistic]: [f64; 2], time: f64| diffusive * time.sqrt() + ballistic * time;
+    let collisions = |[diffusive, ballistic]: [f64; 2], time: f64| diffusive * time.sqrt() + ballistic * time;
     let worst = rates
         .zip(&model.species)
-        .max_by(|a, b| of(a.0, model.time_step).total_cmp(&of(b.0, model.time_step)));
+        .max_by(|a, b| collisions(a.0, model.time_step).total_cmp(&collisions(b.0, model.time_step)));
     let (rate, species) = worst?;
-    let expected = of(rate, model.time_step);
+    let expected = collisions(rate, model.time_step);
     (expected > limit).then(|| {
         // The root of ballistic·s² + diffusive·s − limit, s = √t, without cancellation.
         let root = 2.0 * limit / (rate[0] + (rate[0].powi(2) + 4.0 * rate[1] * limit).sqrt());

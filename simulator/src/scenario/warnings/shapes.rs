@@ -55,9 +55,9 @@ fn longer_than_period(transmitter: &Transmitter, boundary: &Boundary) -> Option<
     };
     let (axis, length, period) = (0..3).find_map(of_axis)?;
     let (name, axis) = (excerpt(transmitter.name.as_bytes()), ["x", "y", "z"][axis]);
-    let of = if is_source(transmitter) { format!("'{name}'") } else { format!("transmitter {name}") };
+    let owner = if is_source(transmitter) { format!("'{name}'") } else { format!("transmitter {name}") };
     Some(format!(
-        "the shape of {of} is {length} µm long along {axis}, more than the period of {period} µm, so that it overlaps its own \
+        "the shape of {owner} is {length} µm long along {axis}, more than the period of {period} µm, so that it overlaps its own \
          images; make it smaller"
     ))
 }
