@@ -10,7 +10,7 @@ use lazygrid_sim::{Model, Schedule};
 
 /// The quantity of a slot by which a receiver decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Detector {
+pub enum SymbolDetector {
     Arrivals,
     /// Largest momentary count.
     Peak,
@@ -20,7 +20,7 @@ pub enum Detector {
     Strength,
 }
 
-impl Detector {
+impl SymbolDetector {
     /// The detectors of receivers with momentary counts.
     pub const MOMENTARY: [Self; 3] = [Self::Peak, Self::Energy, Self::Strength];
 
@@ -58,7 +58,7 @@ pub struct ReplicaFiles {
 pub struct BitErrors {
     pub transmitter: usize,
     pub receiver: usize,
-    pub detector: Detector,
+    pub detector: SymbolDetector,
     /// Steps from a symbol to the start of its slot.
     pub delay: u32,
     pub bits: u64,
@@ -88,7 +88,7 @@ impl BitErrors {
         model: &Model,
         message: &Message,
         [transmitter, receiver]: [usize; 2],
-        detector: Detector,
+        detector: SymbolDetector,
         delay: u32,
     ) -> Self {
         let entries = model.transmitters[transmitter].release.len();
@@ -141,7 +141,7 @@ impl BitErrors {
     /// Returns counts by slot, row (one for arrivals) and entry of the burst.
     fn observed(&self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) -> Vec<Vec<Vec<u64>>> {
         let release = &model.transmitters[self.transmitter].release;
-        if self.detector == Detector::Arrivals {
+        if self.detector == SymbolDetector::Arrivals {
             let mut counts = vec![vec![vec![0_u64; release.len()]]; slots.len()];
             for arrival in files.log.arrivals.iter().filter(|arrival| arrival.receiver == self.receiver) {
                 let entry = release.iter().position(|&(species, _)| species as usize == arrival.species);
@@ -254,7 +254,7 @@ impl BitErrors {
     pub fn name(&self, model: &Model) -> String {
         let [from, to] = [&model.transmitters[self.transmitter].name, &model.receivers[self.receiver].name];
         match self.detector {
-            Detector::Arrivals => format!("{from} to {to}"),
+            SymbolDetector::Arrivals => format!("{from} to {to}"),
             detector => format!("{from} to {to} by {}", detector.name()),
         }
     }

@@ -1,7 +1,7 @@
 use std::io::{self, Write};
 use std::path::Path;
 
-use crate::bit_errors::{BitErrors, Detector, ReplicaFiles};
+use crate::bit_errors::{BitErrors, ReplicaFiles, SymbolDetector};
 use crate::by_symbol::CountsBySymbol;
 use crate::log::Log;
 use crate::mean::RunningStats;
@@ -86,9 +86,9 @@ impl Channels {
             let receivers =
                 model.receivers.iter().enumerate().filter(|(_, model_receiver)| counts_some(model_receiver));
             for (receiver, model_receiver) in receivers {
-                let detectors: &[Detector] = match model_receiver.kind.absorbs() {
-                    true if model.logs_arrivals => &[Detector::Arrivals],
-                    false if model_receiver.is_momentary() => &Detector::MOMENTARY,
+                let detectors: &[SymbolDetector] = match model_receiver.kind.absorbs() {
+                    true if model.logs_arrivals => &[SymbolDetector::Arrivals],
+                    false if model_receiver.is_momentary() => &SymbolDetector::MOMENTARY,
                     _ => &[],
                 };
                 for &detector in detectors {
@@ -283,7 +283,7 @@ mod tests {
     fn bit_errors_have_rows_for_thresholds_that_change_them() {
         let model = model();
         let (_, message) = messages(&model).next().unwrap();
-        let mut errors = BitErrors::new(&model, message, [0, 0], Detector::Arrivals, 0);
+        let mut errors = BitErrors::new(&model, message, [0, 0], SymbolDetector::Arrivals, 0);
         errors.add(&files(arrivals(&[&[3000], &[7], &[3000], &[20]])), &model, &slots(100));
         let channels = Channels { bit_errors: vec![errors], ..Channels::default() };
         let mut out = Vec::new();

@@ -7,14 +7,14 @@ use lazygrid_sim::{Error, Model, Receiver};
 /// Entries in the order of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
-    pub arrivals: Vec<Arrived>,
-    pub releases: Vec<Released>,
+    pub arrivals: Vec<LoggedArrival>,
+    pub releases: Vec<LoggedRelease>,
     /// Particles inside or bound at each row of the series.
-    pub inside: Vec<Inside>,
+    pub inside: Vec<LoggedCount>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Arrived {
+pub struct LoggedArrival {
     pub step: u32,
     pub receiver: usize,
     pub species: usize,
@@ -24,17 +24,17 @@ pub struct Arrived {
 
 /// Particles of one origin inside a receiver or bound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Inside {
+pub struct LoggedCount {
     pub step: u32,
     pub receiver: usize,
     pub species: usize,
-    /// See [`Arrived::origin`].
+    /// See [`LoggedArrival::origin`].
     pub origin: Option<(usize, u32)>,
     pub count: u64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Released {
+pub struct LoggedRelease {
     pub step: u32,
     pub transmitter: usize,
     pub species: usize,
@@ -60,7 +60,7 @@ impl Log {
             let origin = names.origin(&line, 5, model)?;
             let receiver = index_of_name(&names.receivers, &line, 2)?;
             let species = index_of_name(&names.species, &line, 3)?;
-            log.arrivals.push(Arrived { step: line.number(0)?, receiver, species, origin });
+            log.arrivals.push(LoggedArrival { step: line.number(0)?, receiver, species, origin });
         }
         let path = directory.join("releases.csv");
         let begin = "step,time,transmitter,species,count";
@@ -68,7 +68,7 @@ impl Log {
         while let Some(line) = lines.next_row()? {
             let transmitter = index_of_name(&names.transmitters, &line, 2)?;
             let species = index_of_name(&names.species, &line, 3)?;
-            log.releases.push(Released {
+            log.releases.push(LoggedRelease {
                 step: line.number(0)?,
                 transmitter,
                 species,
@@ -84,7 +84,7 @@ impl Log {
                 let species = index_of_name(&names.species, &line, 3)?;
                 let origin = names.origin(&line, 4, model)?;
                 let (step, count) = (line.number(0)?, line.number(6)?);
-                log.inside.push(Inside { step, receiver, species, origin, count });
+                log.inside.push(LoggedCount { step, receiver, species, origin, count });
             }
         }
         Ok(log)

@@ -1,4 +1,4 @@
-use crate::log::{Log, Released};
+use crate::log::{Log, LoggedRelease};
 use crate::mean::RunningStats;
 use lazygrid_sim::Model;
 
@@ -31,8 +31,8 @@ impl Link {
         }
     }
 
-    pub(crate) fn releases(self, log: &Log, from: SourceSpecies) -> impl Iterator<Item = &Released> {
-        let is_from = move |release: &&Released| {
+    pub(crate) fn releases(self, log: &Log, from: SourceSpecies) -> impl Iterator<Item = &LoggedRelease> {
+        let is_from = move |release: &&LoggedRelease| {
             release.transmitter == self.transmitter
                 && (from == SourceSpecies::Any || release.species == self.species)
         };
@@ -131,17 +131,17 @@ impl Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::log::{Arrived, Inside};
+    use crate::log::{LoggedArrival, LoggedCount};
 
     const LINK: Link = Link { transmitter: 0, receiver: 0, species: 0 };
     const ARRIVING: SourceSpecies = SourceSpecies::Arriving;
 
-    fn released(step: u32, count: u64) -> Released {
-        Released { step, transmitter: 0, species: 0, count }
+    fn released(step: u32, count: u64) -> LoggedRelease {
+        LoggedRelease { step, transmitter: 0, species: 0, count }
     }
 
-    fn arrived(step: u32, from: u32) -> Arrived {
-        Arrived { step, receiver: 0, species: 0, origin: Some((0, from)) }
+    fn arrived(step: u32, from: u32) -> LoggedArrival {
+        LoggedArrival { step, receiver: 0, species: 0, origin: Some((0, from)) }
     }
 
     #[test]
@@ -171,7 +171,7 @@ mod tests {
     #[test]
     fn fraction_inside_is_a_mean_over_rows() {
         let inside =
-            |step, from, count| Inside { step, receiver: 0, species: 0, origin: Some((0, from)), count };
+            |step, from, count| LoggedCount { step, receiver: 0, species: 0, origin: Some((0, from)), count };
         let log = Log {
             inside: vec![
                 inside(2, 0, 4),
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn replicas_without_a_release_of_the_species_add_no_sample() {
-        let log = Log { releases: vec![Released { species: 1, ..released(0, 4) }], ..Log::default() };
+        let log = Log { releases: vec![LoggedRelease { species: 1, ..released(0, 4) }], ..Log::default() };
         let mut response = Response::new(LINK, ARRIVING, 4, 1);
         response.add(&log, 4);
         response.add_momentary(&log, &[0]);
@@ -210,7 +210,7 @@ mod tests {
     #[test]
     fn arrivals_after_a_reaction_count_for_the_released_species() {
         let log = Log {
-            arrivals: vec![Arrived { species: 1, ..arrived(2, 0) }],
+            arrivals: vec![LoggedArrival { species: 1, ..arrived(2, 0) }],
             releases: vec![released(0, 4)],
             ..Log::default()
         };

@@ -135,7 +135,7 @@ fn released(link: Link, from: SourceSpecies, log: &Log, slots: &SymbolSlots) -> 
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use crate::log::{Arrived, Inside, Released};
+    use crate::log::{LoggedArrival, LoggedCount, LoggedRelease};
     use lazygrid_sim::model::message::{Modulation, Symbols};
     use lazygrid_sim::{Receiver, ReceiverKind, Species, Transmitter};
 
@@ -173,9 +173,9 @@ pub(crate) mod tests {
             // The first and the last step of a slot are its own.
             let step = move |k: usize| begin(to) + [1, 10][k % 2];
             let origin = Some((0, begin(from)));
-            (0..count).map(move |k| Arrived { step: step(k), receiver: 0, species: 0, origin })
+            (0..count).map(move |k| LoggedArrival { step: step(k), receiver: 0, species: 0, origin })
         };
-        let released = |slot| Released { step: begin(slot), transmitter: 0, species: 0, count: 10 };
+        let released = |slot| LoggedRelease { step: begin(slot), transmitter: 0, species: 0, count: 10 };
         Log {
             arrivals: arrivals.iter().flat_map(arrived).collect(),
             releases: [0, 2, 3].map(released).to_vec(),
@@ -211,7 +211,7 @@ pub(crate) mod tests {
     fn interference_inside_is_a_mean_over_rows() {
         let rows = [10, 15, 20, 25, 30, 35, 40, 45];
         let inside =
-            |step, from, count| Inside { step, receiver: 0, species: 0, origin: Some((0, from)), count };
+            |step, from, count| LoggedCount { step, receiver: 0, species: 0, origin: Some((0, from)), count };
         let log = Log {
             inside: vec![
                 inside(10, 5, 6),
@@ -232,7 +232,7 @@ pub(crate) mod tests {
     #[test]
     fn late_fraction_needs_a_sample_of_own_slots() {
         // Rows in the second slot only, after a burst of 10 in the first.
-        let one = Inside { step: 20, receiver: 0, species: 0, origin: Some((0, 5)), count: 4 };
+        let one = LoggedCount { step: 20, receiver: 0, species: 0, origin: Some((0, 5)), count: 4 };
         let log = Log { inside: vec![one], ..log(&[]) };
         let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 2);
         interference.add_momentary(&log, &[20], &slots(100));
@@ -242,7 +242,7 @@ pub(crate) mod tests {
 
     #[test]
     fn burst_at_a_row_is_in_its_own_slot() {
-        let one = |step| Inside { step, receiver: 0, species: 0, origin: Some((0, step)), count: 10 };
+        let one = |step| LoggedCount { step, receiver: 0, species: 0, origin: Some((0, step)), count: 10 };
         let log = Log { inside: [5, 25, 35].map(one).to_vec(), ..log(&[]) };
         let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 2);
         interference.add_momentary(&log, &[5, 15, 25, 35, 45], &slots(100));

@@ -14,7 +14,7 @@ pub(super) struct Detectors {
 }
 
 #[derive(Clone, Debug, Default)]
-pub(super) struct Found {
+pub(super) struct DetectorOutputs {
     pub(super) interactions: Option<GpuOutput>,
     pub(super) candidates: Option<GpuOutput>,
 }
@@ -41,7 +41,7 @@ impl Detectors {
         self.interactions.iter_mut().chain(&mut self.candidates)
     }
 
-    pub(super) fn reserve(&mut self, sizes: Sizes) -> Result<Found, Error> {
+    pub(super) fn reserve(&mut self, sizes: Sizes) -> Result<DetectorOutputs, Error> {
         let reserve = |detector: &mut Option<GpuDetector>, pairs: u32| {
             let reserve = |detector: &mut GpuDetector| {
                 detector.set_pair_capacity(pairs.max(1));
@@ -49,7 +49,7 @@ impl Detectors {
             };
             detector.as_mut().map(reserve).transpose()
         };
-        Ok(Found {
+        Ok(DetectorOutputs {
             interactions: reserve(&mut self.interactions, sizes.pairs)?,
             candidates: reserve(&mut self.candidates, sizes.near)?,
         })

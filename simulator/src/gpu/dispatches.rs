@@ -2,7 +2,7 @@ use std::collections::HashMap;
 
 use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuOutput, Outcome, wgpu};
 
-use super::detectors::Found;
+use super::detectors::DetectorOutputs;
 use super::device::{buffer, encoded, filled, refused, with_error_scope};
 use super::kernel::{self as k, Kernel, Variant};
 use super::layout::{ControlHeader, ReceiverCellsHeader, TrajectoryHeader, WINDOW_BYTES};
@@ -211,7 +211,12 @@ const SIZED_BUFFERS: [&str; 20] = [
 ];
 
 impl StepDispatches {
-    pub(super) fn new(run: &mut RunBuffers, sizes: Sizes, rounds: u32, found: Found) -> Result<Self, Error> {
+    pub(super) fn new(
+        run: &mut RunBuffers,
+        sizes: Sizes,
+        rounds: u32,
+        found: DetectorOutputs,
+    ) -> Result<Self, Error> {
         let mut buffers = run.buffers.clone();
         for name in SIZED_BUFFERS {
             let sizes = if name == "requesters" && run.receptors == 0 { Sizes::default() } else { sizes };
@@ -284,7 +289,7 @@ impl StepDispatches {
         &self.buffers[name]
     }
 
-    pub(super) fn are_bound_to(&self, found: &Found) -> bool {
+    pub(super) fn are_bound_to(&self, found: &DetectorOutputs) -> bool {
         let is_bound = |found: &GpuOutput| {
             let order = found.sorted.as_ref().is_none_or(|sorted| sorted.order == *self.buffer("order"));
             order && found.outcome == *self.buffer("outcome")

@@ -4,7 +4,6 @@
 //! capacity *halts* the run before it changes particles, and the host repeats it with more capacity
 //! (`docs/design/simulator.md`).
 
-mod carried;
 mod chemotaxis;
 mod detectors;
 mod device;
@@ -14,6 +13,7 @@ mod layout;
 mod ligand_rows;
 mod membrane_rows;
 mod model_check;
+mod path_bounds;
 mod plan;
 mod receiver_cells;
 mod receiver_trajectory;

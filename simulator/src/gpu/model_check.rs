@@ -1,5 +1,5 @@
-use super::carried::long_path_iterations;
 use super::membrane_rows::{MAX_SPHERES, MembraneRows};
+use super::path_bounds::long_path_iterations;
 use crate::model::{Decay, Model};
 use crate::{Axis, Error};
 

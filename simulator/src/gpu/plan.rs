@@ -112,7 +112,7 @@ pub(super) fn steps_per_readback(particles: u32, counts: u32) -> u32 {
     (u32::MAX / particles.saturating_mul(counts).max(1)).clamp(1, LOG_ROWS)
 }
 
-pub(super) fn grown(needed: u32) -> u32 {
+pub(super) fn grow(needed: u32) -> u32 {
     needed.saturating_add(needed / 4).max(WORKGROUP_SIZE)
 }
 

@@ -5,7 +5,7 @@ use super::dispatches::{RunBuffers, StepDispatches};
 use super::layout::ReceiverCellsHeader;
 use super::ligand_rows::LigandRow;
 use super::model_check::check;
-use super::plan::{GpuOptions, MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown, steps_per_readback};
+use super::plan::{GpuOptions, MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grow, steps_per_readback};
 use super::receiver_cells::{ReceiverCells, ReceiverCellsBuilder};
 use super::receiver_trajectory::{ReceiverTrajectory, max_steps};
 use super::submissions::{MAX_WORK, Submissions};
@@ -17,7 +17,7 @@ use crate::motion::request_counts::RequestCounts;
 use crate::random::philox::Key;
 use crate::release::origins::{Arrival, Origins};
 use crate::release::rank_slice::RankSlice;
-use crate::release::{PartialEvents, Released};
+use crate::release::{PartialEvents, ReleasedParticles};
 use crate::state::RankStart;
 use crate::{Error, State, Totals};
 
@@ -75,7 +75,7 @@ pub struct GpuSimulation {
 
 struct Burst {
     step: u32,
-    released: Released,
+    released: ReleasedParticles,
 }
 
 /// With random priorities, rounds grow as the logarithm of the candidates.
@@ -130,7 +130,7 @@ impl GpuSimulation {
         let lists = tables.params.lists_pairs != 0;
         let collides = tables.params.collides != 0;
         let sizes = Sizes {
-            particles: grown(alive),
+            particles: grow(alive),
             pairs: if lists { options.pair_capacity.max(1) } else { 0 },
             births: if tables.dissociates() { options.birth_capacity.clamp(1, MAX_BIRTHS) } else { 0 },
             events: if model.logs_arrivals { options.event_capacity.max(1) } else { 0 },

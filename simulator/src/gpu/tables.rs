@@ -1,4 +1,3 @@
-use super::carried::{long_path_iterations, search_distance};
 use super::kernel::Variant;
 use super::layout::{
     ChemotaxisRow, DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow,
@@ -6,6 +5,7 @@ use super::layout::{
 };
 use super::ligand_rows::LigandRows;
 use super::model_check::chained_decays;
+use super::path_bounds::{long_path_iterations, search_distance};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
 use super::scene_rows::SceneRows;
 use super::tally_layout::Tallies;

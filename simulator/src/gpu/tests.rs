@@ -14,7 +14,7 @@ use adapter::or_skip;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter, wgpu};
 pub(crate) use limited_device::limited;
 
-use super::detectors::Found;
+use super::detectors::DetectorOutputs;
 use super::device::{buffer, filled, read};
 use super::dispatches::{Groups, RunBuffers, StepDispatches};
 use super::kernel::{self as k, Variant, expand};
@@ -180,7 +180,7 @@ fn matched(
         &mut buffers,
         sizes,
         rounds,
-        Found { interactions: Some(found), candidates: None },
+        DetectorOutputs { interactions: Some(found), candidates: None },
     )
     .expect("steps");
     let id = |at: u32| (at * 37 + 11) % 1_000_003;

@@ -141,25 +141,25 @@ impl MembraneStep<'_> {
         let slab = Slab { low: low.unwrap_or(f32::NEG_INFINITY), high: high.unwrap_or(f32::INFINITY) };
         let is_low = (before - slab.low) + (end - slab.low) < (slab.high - before) + (slab.high - end);
         let Some((membrane, at)) = (if is_low { below } else { above }) else {
-            return self.within(axis, slab, end);
+            return self.end_within(axis, slab, end);
         };
         let sign = if is_low { 1.0 } else { -1.0 };
         let heights = [before, end].map(|x| sign * (x - at));
         let Some(lowest) = lowest(heights, spread, || words(membrane as u32)[0]) else {
-            return self.within(axis, slab, end);
+            return self.end_within(axis, slab, end);
         };
         let (height, local_time) = (heights[1] - lowest, -lowest);
         let rate = 2.0 * self.membranes[membrane].permeability / self.diffusion;
         let changes = -0.5 * libm::expm1(-rate * f64::from(local_time));
         if fine_unit(words(membrane as u32)[1]) >= changes {
-            return self.within(axis, slab, at + sign * height);
+            return self.end_within(axis, slab, at + sign * height);
         }
         let others = self.planes(axis).map(|(_, at)| at);
         let other = match is_low {
             true => Slab { low: others.filter(|&x| x < at).fold(f32::NEG_INFINITY, f32::max), high: at },
             false => Slab { low: at, high: others.filter(|&x| x > at).fold(f32::INFINITY, f32::min) },
         };
-        self.within(axis, other, at - sign * height)
+        self.end_within(axis, other, at - sign * height)
     }
 
     /// Returns the indices of planar membranes, and the coordinates of their images.
@@ -175,7 +175,7 @@ impl MembraneStep<'_> {
         all.flat_map(move |(k, position)| domain.plane_images(position).map(move |at| (k, at)))
     }
 
-    fn within(&self, axis: usize, slab: Slab, end: f32) -> HeldEnd {
+    fn end_within(&self, axis: usize, slab: Slab, end: f32) -> HeldEnd {
         let free = slab.mirrored(end);
         let confined = self.domain.axes[axis].confine(free);
         match self.domain.axes[axis] {

@@ -57,7 +57,7 @@ impl Vessel {
             let folded = radius - (2.0 * radius - rest).abs();
             let factor = if folded.is_finite() { folded / distance } else { 0.0 };
             let mirrored = self.offset(p.map(f64::from)).map(|c| c * factor);
-            self.put(&mut p, mirrored);
+            self.set_offset(&mut p, mirrored);
         }
         p
     }
@@ -75,11 +75,11 @@ impl Vessel {
                 across
             }
         };
-        self.put(&mut p, offset.map(|c| f64::from(self.radius) * c));
+        self.set_offset(&mut p, offset.map(|c| f64::from(self.radius) * c));
         p
     }
 
-    fn put(&self, p: &mut [f32; 3], at: [f64; 3]) {
+    fn set_offset(&self, p: &mut [f32; 3], at: [f64; 3]) {
         let mut shrunk = 1.0;
         loop {
             for k in (0..3).filter(|&k| Some(k) != self.along) {
@@ -103,17 +103,17 @@ impl Vessel {
         let displacement: [f64; 3] = std::array::from_fn(|k| end[k] - at[k]);
         let outside = (self.length(at) / radius).max(1.0);
         at = at.map(|c| c / outside);
-        let at = self.follow(at, displacement, |_, normal, _| {
+        let at = self.follow_path(at, displacement, |_, normal, _| {
             *velocity = mirrored(velocity.map(f64::from), normal).map(|v| v as f32);
         });
-        self.put(&mut to, at);
+        self.set_offset(&mut to, at);
         to
     }
 
     /// Returns the offset at the end. At each reflection, calls `on_reflection` with the offset, the normal and the
     /// fraction of the remaining path.
     #[inline(always)]
-    fn follow(
+    fn follow_path(
         &self,
         mut at: [f64; 3],
         mut displacement: [f64; 3],
@@ -147,7 +147,7 @@ impl Vessel {
             })
         };
         let (mut corners, mut traveled) = (vec![(0.0, begin)], 0.0);
-        let end = self.follow(self.offset(begin), self.across(whole), |at, _, fraction| {
+        let end = self.follow_path(self.offset(begin), self.across(whole), |at, _, fraction| {
             traveled += (1.0 - traveled) * fraction;
             corners.push((traveled, point(traveled, at)));
         });

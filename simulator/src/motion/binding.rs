@@ -32,7 +32,7 @@ pub(crate) struct UnboundParticle {
     height: f32,
 }
 
-pub(crate) fn free(model: &Model, occupied: &[u64]) -> Vec<u32> {
+pub(crate) fn free_receptors(model: &Model, occupied: &[u64]) -> Vec<u32> {
     let one =
         |(kind, &held): (&ReceptorType, &u64)| kind.count.saturating_sub(held.try_into().unwrap_or(u32::MAX));
     model.receptor_types().zip(occupied).map(one).collect()

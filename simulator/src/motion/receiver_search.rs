@@ -139,7 +139,7 @@ impl ReceiverSearch {
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,
         active_receivers: &ActiveReceivers,
-    ) -> Result<Found<'a>, lazygrid::Error> {
+    ) -> Result<NearbyReceivers<'a>, lazygrid::Error> {
         let Self { detector, traveled, factor, queries, receivers, clear_spheres, cost, .. } = self;
         queries.clear();
         queries.extend(particles.map(|(before, path_length)| {
@@ -156,7 +156,7 @@ impl ReceiverSearch {
         } else if found < FOUND_PER_QUERY[0] * queries.len() {
             *factor = (*factor * 1.5).min(most);
         }
-        Ok(Found { near, queries, traveled: *traveled })
+        Ok(NearbyReceivers { near, queries, traveled: *traveled })
     }
 }
 
@@ -186,13 +186,13 @@ fn slack(before: [f32; 3], radius: f32, active_receivers: &ActiveReceivers, trav
     rounding(before, radius + active_receivers.largest + traveled)
 }
 
-pub(crate) struct Found<'a> {
+pub(crate) struct NearbyReceivers<'a> {
     near: Neighbors<'a>,
     queries: &'a [Sphere],
     traveled: f32,
 }
 
-impl Found<'_> {
+impl NearbyReceivers<'_> {
     /// Returns the receivers within `max_gap`, and the new clear sphere.
     pub(crate) fn receivers_near(
         &self,

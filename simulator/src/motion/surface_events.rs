@@ -151,8 +151,8 @@ fn reflect_or_keep<'a>(
     let reflecting: Vec<&ReceiverState> = near.iter().copied().filter(|state| reflects(state)).collect();
     let mut velocity = moved.velocity.unwrap_or_default().map(|v| v * duration);
     let walls = walls.iter().filter(|wall| wall.sees[species as usize]);
-    let aimed = walls.fold(path, |path, wall| wall.aim(domain, path, free_end));
-    let reflected = reflect_path(&reflecting, domain, &aimed, &mut velocity);
+    let extended = walls.fold(path, |path, wall| wall.extend_to_wall(domain, path, free_end));
+    let reflected = reflect_path(&reflecting, domain, &extended, &mut velocity);
     if let Some(ReflectedPath { path, path_length, reflection, .. }) = reflected {
         (moved.path, moved.path_length, moved.reflection) = (path, path_length, Some(reflection));
         moved.velocity = moved.velocity.map(|_| velocity.map(|v| v / duration));

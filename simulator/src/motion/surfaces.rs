@@ -94,7 +94,7 @@ impl SpeciesSurfaces<'_> {
         let domain = &self.step.domain;
         let seen = self.surfaces.walls.iter().filter(|wall| wall.sees[species as usize]);
         let near_side =
-            seen.filter(|wall| !self.separates(species, [path.after, wall.foot(domain, path.after)]));
+            seen.filter(|wall| !self.separates(species, [path.after, wall.foot_point(domain, path.after)]));
         let mut first = FirstHit(capture);
         for wall in near_side {
             if let Some(hit) = wall.hit(domain, moved) {

@@ -61,7 +61,7 @@ impl AbsorbingWall {
     }
 
     /// Returns `point` itself for a curved wall.
-    pub(crate) fn foot(&self, domain: &Boundary, mut point: [f32; 3]) -> [f32; 3] {
+    pub(crate) fn foot_point(&self, domain: &Boundary, mut point: [f32; 3]) -> [f32; 3] {
         let (WallFace::Low(axis) | WallFace::High(axis)) = self.face else { return point };
         point[axis] -= match self.face {
             WallFace::High(_) => -height(self.face, domain, point),
@@ -71,7 +71,7 @@ impl AbsorbingWall {
     }
 
     /// Returns a path that ends beyond the wall if the step does, for surfaces in front of it.
-    pub(crate) fn aim(&self, domain: &Boundary, path: Path, free_end: [f32; 3]) -> Path {
+    pub(crate) fn extend_to_wall(&self, domain: &Boundary, path: Path, free_end: [f32; 3]) -> Path {
         let Path { mut end, mut after, .. } = path;
         if let WallFace::Low(axis) | WallFace::High(axis) = self.face
             && height(self.face, domain, free_end) <= 0.0

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::checksum::{Digest, DigestWriter};
 
-type Out = BufWriter<DigestWriter<File>>;
+type Writer = BufWriter<DigestWriter<File>>;
 
 /// An appended file up to its `length` at the checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -22,7 +22,7 @@ pub struct FileRecord {
 #[derive(Debug)]
 pub(super) struct AppendFile {
     path: PathBuf,
-    out: Out,
+    out: Writer,
 }
 
 impl AppendFile {
@@ -31,7 +31,7 @@ impl AppendFile {
         Ok(Self { path, out: BufWriter::new(DigestWriter::new(file, Digest::new())) })
     }
 
-    /// [`cut`](Self::cut) must precede the first write.
+    /// [`truncate`](Self::truncate) must precede the first write.
     pub(super) fn reopen(directory: &Path, record: &FileRecord) -> Result<Self, Error> {
         let path = directory.join(&record.name);
         let mut file = OpenOptions::new().read(true).write(true).open(&path).map_err(|source| {
@@ -51,12 +51,12 @@ impl AppendFile {
         Err(Error::Damaged { path, damage })
     }
 
-    pub(super) fn cut(&mut self) -> Result<(), Error> {
+    pub(super) fn truncate(&mut self) -> Result<(), Error> {
         let out = self.out.get_ref();
         out.inner().set_len(out.digest().length()).map_err(|source| self.refused(source))
     }
 
-    pub(super) fn put(&mut self, write: impl FnOnce(&mut Out) -> io::Result<()>) -> Result<(), Error> {
+    pub(super) fn append(&mut self, write: impl FnOnce(&mut Writer) -> io::Result<()>) -> Result<(), Error> {
         write(&mut self.out).map_err(|source| self.refused(source))
     }
 

@@ -49,7 +49,7 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
         return Err(refused(io::Error::new(io::ErrorKind::NotADirectory, message)));
     }
     fs::create_dir_all(directory).map_err(refused)?;
-    let lock = Lock::take(directory)?;
+    let lock = Lock::acquire(directory)?;
     let (resumable, others) = RESULTS.split_at(RESUMABLE);
     let holds = |name: &&str| directory.join(name).exists();
     if !overwrite && resumable.iter().any(holds) {
@@ -109,7 +109,7 @@ fn foreign_file(directory: &Path, name: &str) -> Error {
         "it holds a file {name} of no run that can be continued; move the file; a new run may also replace it with \
          --overwrite, or use another directory"
     );
-    foreign(directory, message)
+    foreign_error(directory, message)
 }
 
 /// Refuses the file `name`, which has no mark and would be replaced.
@@ -118,10 +118,10 @@ pub(super) fn refuse_page(directory: &Path, name: &str) -> Result<(), Error> {
         "it holds a file {name} that was written by another version or by another program; move it, or start over with \
          --overwrite"
     );
-    if is_file(&directory.join(name)) { Err(foreign(directory, message)) } else { Ok(()) }
+    if is_file(&directory.join(name)) { Err(foreign_error(directory, message)) } else { Ok(()) }
 }
 
-fn foreign(directory: &Path, message: String) -> Error {
+fn foreign_error(directory: &Path, message: String) -> Error {
     let source = io::Error::new(io::ErrorKind::AlreadyExists, message);
     Error::Write { path: directory.to_owned(), source }
 }

@@ -56,8 +56,12 @@ impl DiskEstimate {
         let checkpoint = scenario.len() as u64 + particles(counts.last);
         let [least, smallest] =
             if loses(model) { [fixed, scenario.len() as u64] } else { [most, checkpoint] };
-        let logs =
-            log_estimate::rest(model, [from, steps], [counts.ids, counts.mean.iter().sum()], output.every);
+        let logs = log_estimate::remaining_bytes(
+            model,
+            [from, steps],
+            [counts.ids, counts.mean.iter().sum()],
+            output.every,
+        );
         let most = most.saturating_add(logs as u64);
         Self { least, most, checkpoint: [smallest, checkpoint] }
     }

@@ -20,7 +20,7 @@ pub(crate) struct Lock {
 }
 
 impl Lock {
-    pub(crate) fn take(directory: &Path) -> Result<Self, Error> {
+    pub(crate) fn acquire(directory: &Path) -> Result<Self, Error> {
         refuse_pipes(directory)?;
         let refused = |source| Error::Write { path: directory.to_owned(), source };
         let path = directory.join(LOCK);
@@ -143,11 +143,11 @@ mod tests {
         fs::create_dir(at(PLOTS)).unwrap();
         let left = [".lazygrid-draft-aB3xY9", "plots/.lazygrid-draft-aB3xY9"];
         left.iter().for_each(|name| fs::write(at(name), "left").unwrap());
-        let lock = Lock::take(directory.path()).unwrap();
+        let lock = Lock::acquire(directory.path()).unwrap();
         assert!(left.iter().all(|name| !at(name).exists()));
         assert!(retained.iter().all(|name| at(name).exists()) && at(".lazygrid-draft-folder").exists());
         fs::write(at(".lazygrid-draft-aB3xY9"), "being written").unwrap();
-        assert!(Lock::take(directory.path()).is_err());
+        assert!(Lock::acquire(directory.path()).is_err());
         assert!(at(".lazygrid-draft-aB3xY9").exists());
         drop(lock);
     }
@@ -158,7 +158,7 @@ mod tests {
         let path = directory.path().join(LOCK);
         let marked = |content: &str| {
             fs::write(&path, content).unwrap();
-            Lock::take(directory.path()).unwrap().mark_begun(7).unwrap();
+            Lock::acquire(directory.path()).unwrap().mark_begun(7).unwrap();
             fs::read_to_string(&path).unwrap()
         };
         for own in ["", "begun wi", "begun with seed 123456\n"] {
@@ -179,7 +179,7 @@ mod tests {
         std::os::unix::fs::symlink(&target, &path).unwrap();
         for content in ["", "begun with seed 7\n", "the work of years\n"] {
             fs::write(&target, content).unwrap();
-            Lock::take(directory.path()).unwrap().mark_begun(8).unwrap();
+            Lock::acquire(directory.path()).unwrap().mark_begun(8).unwrap();
             assert_eq!(fs::read_to_string(&target).unwrap(), content);
             assert!(!has_begun(directory.path(), 7));
         }

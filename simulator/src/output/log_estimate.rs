@@ -11,7 +11,12 @@ pub(crate) const LOGGED_ARRIVALS: u64 = 1 << 14;
 pub(crate) const LOGGED_STEPS: u32 = 4096;
 
 /// Remaining bytes after step `from`, for `ids` particles that exist or appear, and `present` ones in a row.
-pub(super) fn rest(model: &Model, [from, steps]: [u32; 2], [ids, present]: [f64; 2], every: u32) -> f64 {
+pub(super) fn remaining_bytes(
+    model: &Model,
+    [from, steps]: [u32; 2],
+    [ids, present]: [f64; 2],
+    every: u32,
+) -> f64 {
     if !model.logs_arrivals {
         return 0.0;
     }

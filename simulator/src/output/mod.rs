@@ -96,11 +96,11 @@ impl Files {
                 AppendFile::create(directory.join(ARRIVALS))?,
                 AppendFile::create(directory.join(RELEASES))?,
             ];
-            arrivals.put(arrivals::header)?;
-            releases.put(arrivals::header_of_releases)?;
+            arrivals.append(arrivals::header)?;
+            releases.append(arrivals::header_of_releases)?;
             let holds = occupancy::is_logged(model);
             let mut occupancy = holds.then(|| AppendFile::create(directory.join(OCCUPANCY))).transpose()?;
-            occupancy.iter_mut().try_for_each(|file| file.put(occupancy::header))?;
+            occupancy.iter_mut().try_for_each(|file| file.append(occupancy::header))?;
             logs = Some(Logs { arrivals, releases, occupancy, seed, next_step: 0 });
         }
         let animated = output.animation.is_some();
@@ -110,9 +110,9 @@ impl Files {
         let has_derived = false;
         let mut files =
             Self { directory, output, series, symbols, xyz, logs, animation, has_derived, _lock: lock };
-        files.series.put(|out| series::header(out, model))?;
+        files.series.append(|out| series::header(out, model))?;
         if let Some(symbols) = &mut files.symbols {
-            symbols.put(|out| symbols::write(out, model, seed))?;
+            symbols.append(|out| symbols::write(out, model, seed))?;
         }
         Ok(files)
     }
@@ -148,11 +148,11 @@ impl Files {
         let has_derived = true;
         let mut files =
             Self { directory, output, series, symbols, xyz, logs, animation, has_derived, _lock: lock };
-        files.growing().try_for_each(AppendFile::cut)?;
+        files.append_files().try_for_each(AppendFile::truncate)?;
         Ok(files)
     }
 
-    fn growing(&mut self) -> impl Iterator<Item = &mut AppendFile> {
+    fn append_files(&mut self) -> impl Iterator<Item = &mut AppendFile> {
         let Self { series, symbols, xyz, logs, animation, .. } = self;
         let logs = logs.iter_mut().flat_map(|Logs { arrivals, releases, occupancy, .. }| {
             [arrivals, releases].into_iter().chain(occupancy)
@@ -163,30 +163,30 @@ impl Files {
     pub(crate) fn record(&mut self, simulation: &impl RunView) -> Result<(), Error> {
         let step = simulation.step_count();
         if step.is_multiple_of(self.output.every) {
-            self.series.put(|out| series::row(out, simulation))?;
+            self.series.append(|out| series::row(out, simulation))?;
         }
         if let Some(Logs { arrivals, releases, occupancy, seed, next_step }) = &mut self.logs {
-            arrivals.put(|out| arrivals::rows(out, simulation))?;
+            arrivals.append(|out| arrivals::rows(out, simulation))?;
             let steps = std::mem::replace(next_step, step + 1)..=step;
-            releases.put(|out| arrivals::rows_of_releases(out, simulation.model(), *seed, steps))?;
+            releases.append(|out| arrivals::rows_of_releases(out, simulation.model(), *seed, steps))?;
             if let Some(occupancy) = occupancy.as_mut().filter(|_| step.is_multiple_of(self.output.every)) {
                 let state = simulation.state()?;
-                occupancy.put(|out| occupancy::rows(out, simulation.model(), &state))?;
+                occupancy.append(|out| occupancy::rows(out, simulation.model(), &state))?;
             }
         }
         if let (Some(animation), Some(frames)) = (self.output.animated(step), &mut self.animation) {
             let state = simulation.state()?;
-            frames.put(|out| animation::append(out, simulation.model(), &state, animation.particles))?;
+            frames.append(|out| animation::append(out, simulation.model(), &state, animation.particles))?;
         }
         if self.output.has_frame(step) {
             let state = simulation.state()?;
             if let Some(xyz) = &mut self.xyz {
-                xyz.put(|out| frames::xyz(out, simulation.model(), &state))?;
+                xyz.append(|out| frames::xyz(out, simulation.model(), &state))?;
             }
             if self.output.npy {
                 let path = self.directory.join(format!("frame-{step:09}.npy"));
                 let mut frame = AppendFile::create(path)?;
-                frame.put(|out| frames::npy(out, simulation.model(), &state.particles))?;
+                frame.append(|out| frames::npy(out, simulation.model(), &state.particles))?;
                 frame.sync()?;
             }
         }
@@ -197,7 +197,7 @@ impl Files {
         if std::mem::take(&mut self.has_derived) {
             remove_derived(&self.directory, self.animation.is_some(), self.logs.is_some())?;
         }
-        self.growing().map(AppendFile::sync).collect()
+        self.append_files().map(AppendFile::sync).collect()
     }
 
     pub(crate) fn convert(&self, model: &Model) -> Result<(), Error> {

@@ -160,8 +160,8 @@ const ROUNDS: usize = 10;
 pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     for _ in 0..ROUNDS {
         let [a, b, c, d] = counter;
-        let (low0, high0) = wide(MULTIPLIERS[0], a);
-        let (low1, high1) = wide(MULTIPLIERS[1], c);
+        let (low0, high0) = multiply_wide(MULTIPLIERS[0], a);
+        let (low1, high1) = multiply_wide(MULTIPLIERS[1], c);
         counter = [high1 ^ b ^ key[0], low1, high0 ^ d ^ key[1], low0];
         key = [key[0].wrapping_add(WEYL[0]), key[1].wrapping_add(WEYL[1])];
     }
@@ -169,7 +169,7 @@ pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
 }
 
 #[inline(always)]
-fn wide(a: u32, b: u32) -> (u32, u32) {
+fn multiply_wide(a: u32, b: u32) -> (u32, u32) {
     let product = u64::from(a) * u64::from(b);
     (product as u32, (product >> 32) as u32)
 }

@@ -8,7 +8,7 @@ use crate::motion::binding::{self, BindingRequest};
 use crate::motion::collisions::Collisions;
 use crate::reaction::dissociation::Dissociated;
 use crate::release::rank_slice::RankSlice;
-use crate::run::simulation::Moved;
+use crate::run::simulation::StepMoves;
 use crate::{Error, Model, Simulation, State};
 
 #[derive(Debug)]
@@ -40,7 +40,7 @@ impl CpuRun {
         communicator: &mut C,
         occupied: &[u64],
     ) -> Result<(), C::Error> {
-        let free = binding::free(&self.simulation.model, occupied);
+        let free = binding::free_receptors(&self.simulation.model, occupied);
         let moved = self.advance(communicator, &free)?;
         let requests = self.requests(communicator, &moved)?;
         let rejected = self.simulation.requests.reject(requests, &free);
@@ -56,7 +56,11 @@ impl CpuRun {
         agree(communicator, concluded.and_then(|()| self.simulation.finish(&moved, slice)))
     }
 
-    fn advance<C: Communicator>(&mut self, communicator: &mut C, free: &[u32]) -> Result<Moved, C::Error> {
+    fn advance<C: Communicator>(
+        &mut self,
+        communicator: &mut C,
+        free: &[u32],
+    ) -> Result<StepMoves, C::Error> {
         let Self { simulation, pair_search, wrapper } = self;
         if simulation.collisions.is_some()
             && let Some(search) = pair_search
@@ -75,7 +79,7 @@ impl CpuRun {
     fn requests<C: Communicator>(
         &self,
         communicator: &mut C,
-        moved: &Moved,
+        moved: &StepMoves,
     ) -> Result<Vec<BindingRequest>, C::Error> {
         if self.simulation.state.totals.occupied.is_empty() {
             return Ok(Vec::new());

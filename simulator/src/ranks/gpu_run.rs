@@ -73,7 +73,7 @@ impl GpuRun {
         }
         let own: Vec<u64> = accepted.iter().map(|&count| count.into()).collect();
         let all = communicator.all_reduce_sum(&own);
-        let free = binding::free(self.simulation.model(), occupied);
+        let free = binding::free_receptors(self.simulation.model(), occupied);
         let refused = all.iter().zip(&free).map(|(&all, &free)| [all, all.saturating_sub(free.into())]);
         let is_any_refused = refused.clone().any(|[_, refused]| refused > 0);
         if is_any_refused {

@@ -164,7 +164,7 @@ mod tests {
     use super::*;
     use crate::model::boundary::Axis;
     use crate::model::{Contact, Reaction, Species};
-    use crate::motion::collisions::halo::Undivided;
+    use crate::motion::collisions::halo::SingleProcess;
     use crate::motion::collisions::rounds::{Adjacency, SLACK, Window, WindowEnd};
     use crate::motion::collisions::rules::Rules;
     use crate::motion::collisions::tests::{model, movers};
@@ -310,7 +310,7 @@ mod tests {
         for case in 0..6 {
             let scene = scene(case);
             let all: Vec<u32> = (0..scene.movers.len() as u32).collect();
-            let (mut expected, end) = scene.run(&all, all.len(), &mut Undivided);
+            let (mut expected, end) = scene.run(&all, all.len(), &mut SingleProcess);
             assert!(matches!(end, WindowEnd::Finished(50..)), "{end:?}");
             expected.sort_unstable_by_key(|mover| mover.id);
             assert!(scene.over_ranks(3) == (expected.clone(), end), "{case}");

@@ -125,7 +125,12 @@ impl DistributedMatching {
             for &c in &active {
                 candidates[c as usize].claimed().for_each(|at| self.bid(at, candidates[c as usize].key()));
             }
-            self.ask(communicator, particles, &claimed_ghosts(candidates, &active, own_count), won)?;
+            self.exchange_bids(
+                communicator,
+                particles,
+                &claimed_ghosts(candidates, &active, own_count),
+                won,
+            )?;
             let claimed = |c: u32| candidates[c as usize].claimed();
             let wins = |c: &u32| {
                 let key = Some(candidates[*c as usize].key());
@@ -151,7 +156,7 @@ impl DistributedMatching {
         self.touched.push(at as u32);
     }
 
-    fn ask<C: Communicator>(
+    fn exchange_bids<C: Communicator>(
         &mut self,
         communicator: &mut C,
         particles: RankParticles<'_>,

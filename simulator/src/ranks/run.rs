@@ -63,7 +63,7 @@ impl Run {
             }
             simulation.agree(fits)?;
             simulation.advance(next)?;
-            pace.see(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
+            pace.add_steps(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
             self.record_distributed(&mut simulation, &mut files)?;
             let due = |every: u32| simulation.step_count().is_multiple_of(every);
             if self.scenario.output.checkpoint_every.is_some_and(due) {

@@ -33,7 +33,7 @@ pub struct GatherFields {
 /// The origin follows from the id.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-struct Arrived {
+struct ArrivalMessage {
     receiver: u32,
     species: u32,
     id: u32,
@@ -202,7 +202,7 @@ impl<C: Communicator> RankSimulation<C> {
         let mut state = run.without_particles(totals.clone());
         let mut arrivals = Vec::new();
         if model.logs_arrivals {
-            let arrived = |&Arrival { receiver, species, id, step, .. }: &Arrival| Arrived {
+            let arrived = |&Arrival { receiver, species, id, step, .. }: &Arrival| ArrivalMessage {
                 receiver,
                 species,
                 id,
@@ -211,7 +211,7 @@ impl<C: Communicator> RankSimulation<C> {
             let own_arrivals: Vec<_> = view.arrivals().iter().map(arrived).collect();
             let all = gather(communicator, "arrivals", &own_arrivals)?.into_iter();
             let origins = &state.origins;
-            arrivals.extend(all.map(|Arrived { receiver, species, id, step }| Arrival {
+            arrivals.extend(all.map(|ArrivalMessage { receiver, species, id, step }| Arrival {
                 receiver,
                 species,
                 id,

@@ -80,7 +80,7 @@ pub struct ChainedDecay {
 
 impl ChainedDecay {
     /// Returns the time left in the step after the decay.
-    pub(crate) fn left(&self) -> f64 {
+    pub(crate) fn time_left(&self) -> f64 {
         self.left - decay_time(self.rate, self.left, self.word)
     }
 }
@@ -106,7 +106,7 @@ impl CaptureOrder {
         decay: &ChainedDecay,
         captures: impl FnOnce((u32, bool)) -> bool,
     ) -> bool {
-        if self.is_captured.is_none() && decay.left() <= self.left {
+        if self.is_captured.is_none() && decay.time_left() <= self.left {
             self.is_captured = Some(self.species.is_some_and(captures));
         }
         if self.is_captured == Some(true) {
@@ -174,7 +174,7 @@ impl Decays {
     /// whole step.
     fn left_at_dissociation(&self, decay: &ChainedDecay, context: DrawContext) -> Option<f64> {
         let dissociation = self.kinds[decay.product? as usize].dissociation?;
-        Some(decay.left() - dissociation.draw(context)? * self.time_step)
+        Some(decay.time_left() - dissociation.draw(context)? * self.time_step)
     }
 
     /// Returns `true` if the product dissociates within a whole step, but not within this one.
@@ -204,7 +204,7 @@ impl Decays {
         tell(first);
         if let Some(product) = channel.product.filter(|&product| self.kinds[product as usize].rate > 0.0) {
             let words = |generation| context.draw(generation, Purpose::Decay);
-            self.continue_chain(product, first.left(), words, tell);
+            self.continue_chain(product, first.time_left(), words, tell);
         }
     }
 
@@ -226,7 +226,7 @@ impl Decays {
             let decay = kind.chained(channel, left, when);
             tell(decay);
             let Some(product) = channel.product else { return };
-            (left, species) = (decay.left(), product);
+            (left, species) = (decay.time_left(), product);
         }
     }
 }

@@ -24,7 +24,7 @@ use crate::release::rank_slice::RankSlice;
 const MAX_ATTEMPTS: u32 = 64;
 
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Released {
+pub(crate) struct ReleasedParticles {
     /// Particles that neither arrived nor decayed without products.
     pub(crate) particles: Particles,
     /// Equal on all ranks.
@@ -97,7 +97,7 @@ impl PartialEvents {
     }
 }
 
-impl Released {
+impl ReleasedParticles {
     fn new(model: &Model, next_id: u32) -> Self {
         Self {
             next_id,
@@ -113,7 +113,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::OutOfIds`] if ids would exceed the largest one. Those of [`Particles::reserve`].
-    pub(crate) fn release(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<Released, Error> {
+    pub(crate) fn release(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<ReleasedParticles, Error> {
         let ReleaseStep { key, step, next_id, receiver_moves, .. } = at;
         let mut batches: Vec<_> = self.all_batches(step, key).collect();
         batches.iter_mut().for_each(|batch| batch.center = center_among(receiver_moves, batch.from));
@@ -121,7 +121,7 @@ impl Model {
         if released > lazygrid::MAX_SPHERES {
             return Err(Error::OutOfIds { released });
         }
-        let mut out = Released::new(self, released as u32);
+        let mut out = ReleasedParticles::new(self, released as u32);
         // Frequent releases of few particles fill all ranks equally.
         let range = slice.range(released - u64::from(next_id), next_id);
         out.particles.reserve(range.end - range.start, self.has_velocity())?;
@@ -134,7 +134,7 @@ impl Model {
             let born = (first..last).map(|nth| {
                 let id = next_id + before as u32 + nth;
                 let age = batch.age(nth, key.draw(id, 0, 0, Purpose::PartialStep)[0]);
-                AgedParticle { particle: self.born(batch, (id, site.wrapping_add(nth)), key), age }
+                AgedParticle { particle: self.create_particle(batch, (id, site.wrapping_add(nth)), key), age }
             });
             match batch.ages {
                 Ages::None => born.for_each(|born| self.add(born.particle, &mut out)),
@@ -152,12 +152,12 @@ impl Model {
     ///
     /// # Errors
     /// See [`Particles::reserve`].
-    pub(crate) fn burst(&self, batch: &Batch<'_>, key: Key) -> Result<Released, Error> {
+    pub(crate) fn burst(&self, batch: &Batch<'_>, key: Key) -> Result<ReleasedParticles, Error> {
         let ids = batch.site..batch.site + batch.count;
-        let mut out = Released::new(self, ids.end);
+        let mut out = ReleasedParticles::new(self, ids.end);
         out.particles.reserve(batch.count.into(), self.has_velocity())?;
         out.released[batch.species as usize] += u64::from(batch.count);
-        ids.for_each(|id| self.add(self.born(batch, (id, id), key), &mut out));
+        ids.for_each(|id| self.add(self.create_particle(batch, (id, id), key), &mut out));
         Ok(out)
     }
 
@@ -219,7 +219,7 @@ impl Model {
         rates.iter().enumerate().map(batch).collect()
     }
 
-    fn born(&self, batch: &Batch<'_>, (id, site): (u32, u32), key: Key) -> Particle {
+    fn create_particle(&self, batch: &Batch<'_>, (id, site): (u32, u32), key: Key) -> Particle {
         let species = batch.species;
         let velocity = self.own_velocity(species, key.draw(id, 0, 0, Purpose::Velocity));
         let words = key.draw(id, 0, 0, Purpose::Release);
@@ -262,7 +262,7 @@ impl Model {
         drawn.unwrap_or_else(|| vessel.uniform_point(position, words(MAX_ATTEMPTS + 1)))
     }
 
-    fn add(&self, particle: Particle, out: &mut Released) {
+    fn add(&self, particle: Particle, out: &mut ReleasedParticles) {
         let radius = self.species[particle.species as usize].radius;
         let position = self.boundary.inset(radius).confine(particle.position);
         out.particles.push(Particle { position, radius, ..particle }, self.has_velocity());

@@ -33,7 +33,7 @@ pub struct Origins {
 
 impl Origins {
     /// Records the origin of ids at or above `first`, which must not be below that of earlier calls.
-    pub fn enter(&mut self, first: u32, origin: Option<Origin>) {
+    pub fn insert(&mut self, first: u32, origin: Option<Origin>) {
         match self.ranges.last_mut() {
             Some(last) if last.0 == first => last.1 = origin,
             Some(last) if last.1 == origin => {}
@@ -56,12 +56,12 @@ mod tests {
         let from = |transmitter, step| Some(Origin { transmitter, step });
         let mut origins = Origins::default();
         assert_eq!(origins.origin_of(0), None);
-        origins.enter(0, from(0, 0));
-        origins.enter(10, from(1, 0));
-        origins.enter(30, from(0, 7));
-        origins.enter(30, from(1, 8));
-        origins.enter(40, from(1, 8));
-        origins.enter(50, None);
+        origins.insert(0, from(0, 0));
+        origins.insert(10, from(1, 0));
+        origins.insert(30, from(0, 7));
+        origins.insert(30, from(1, 8));
+        origins.insert(40, from(1, 8));
+        origins.insert(50, None);
         let ids = [0, 9, 10, 29, 30, 45, 50, u32::MAX];
         let expected = [from(0, 0), from(0, 0), from(1, 0), from(1, 0), from(1, 8), from(1, 8), None, None];
         assert_eq!(ids.map(|id| origins.origin_of(id)), expected);

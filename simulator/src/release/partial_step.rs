@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::{AgedParticle, Batch, ReleaseStep, Released};
+use super::{AgedParticle, Batch, ReleaseStep, ReleasedParticles};
 use crate::model::Model;
 use crate::model::boundary::Boundary;
 use crate::model::particles::Particle;
@@ -49,11 +49,11 @@ struct PartialMove<'a> {
 #[derive(Debug, PartialEq)]
 struct PartialOutcome {
     decays: Vec<u32>,
-    fate: Fate,
+    end_state: EndState,
 }
 
 #[derive(Debug, PartialEq)]
-enum Fate {
+enum EndState {
     Arrived { receiver: u32, species: u32 },
     Remains(Particle),
     Decayed,
@@ -65,7 +65,7 @@ impl Model {
         batch: &Batch<'_>,
         mut born: impl Iterator<Item = AgedParticle>,
         at: ReleaseStep<'_>,
-        out: &mut Released,
+        out: &mut ReleasedParticles,
     ) {
         loop {
             let born: Vec<_> = born.by_ref().take(CHUNK).collect();
@@ -77,25 +77,25 @@ impl Model {
                 .with_min_len(MIN_PER_THREAD)
                 .map(|&born| self.partial_move(batch, born, at))
                 .collect();
-            let near = at.near(&self.boundary, &moves);
+            let near = at.receivers_near(&self.boundary, &moves);
             let outcomes: Vec<_> = born
                 .par_iter()
                 .zip(moves)
                 .with_min_len(MIN_PER_THREAD)
                 .map(|(&born, moved)| self.partial_outcome(born, moved, &near, at))
                 .collect();
-            for (AgedParticle { particle, .. }, PartialOutcome { decays, fate }) in
+            for (AgedParticle { particle, .. }, PartialOutcome { decays, end_state }) in
                 born.into_iter().zip(outcomes)
             {
                 let id = particle.id;
                 decays.into_iter().for_each(|decay| out.decayed[decay as usize] += 1);
-                match fate {
-                    Fate::Arrived { receiver, species } => {
+                match end_state {
+                    EndState::Arrived { receiver, species } => {
                         let origin = Some(Origin { transmitter: batch.transmitter, step: at.step });
                         out.arrivals.push(Arrival { receiver, species, id, step: at.step, origin });
                     }
-                    Fate::Remains(particle) => self.add(particle, out),
-                    Fate::Decayed => {}
+                    EndState::Remains(particle) => self.add(particle, out),
+                    EndState::Decayed => {}
                 }
             }
         }
@@ -149,7 +149,7 @@ impl Model {
         at: ReleaseStep<'_>,
     ) -> PartialOutcome {
         let Some(PartialMove { step, mut moved, hit_distance }) = moved else {
-            return PartialOutcome { decays: Vec::new(), fate: Fate::Remains(particle) };
+            return PartialOutcome { decays: Vec::new(), end_state: EndState::Remains(particle) };
         };
         let capture = step.advance(&mut moved, near, hit_distance);
         particle.position = moved.path.after;
@@ -157,8 +157,8 @@ impl Model {
         if at.events.decays.has(particle.species) {
             return self.partial_decays(AgedParticle { particle, age }, capture, at);
         }
-        let arrived = |Capture { event, .. }: Capture| Fate::from_event(&event, particle.species);
-        PartialOutcome { decays: Vec::new(), fate: capture.map_or(Fate::Remains(particle), arrived) }
+        let arrived = |Capture { event, .. }: Capture| EndState::from_event(&event, particle.species);
+        PartialOutcome { decays: Vec::new(), end_state: capture.map_or(EndState::Remains(particle), arrived) }
     }
 
     fn partial_decays(
@@ -189,14 +189,14 @@ impl Model {
             species = product;
         });
         let arrived = order.and_then(|(order, event)| {
-            Some(Fate::from_event(&event, order.captured(|species| captures(&event, species))?))
+            Some(EndState::from_event(&event, order.captured(|species| captures(&event, species))?))
         });
-        let remains = || species.map(|species| Fate::Remains(Particle { species, ..particle }));
-        PartialOutcome { decays, fate: arrived.or_else(remains).unwrap_or(Fate::Decayed) }
+        let remains = || species.map(|species| EndState::Remains(Particle { species, ..particle }));
+        PartialOutcome { decays, end_state: arrived.or_else(remains).unwrap_or(EndState::Decayed) }
     }
 }
 
-impl Fate {
+impl EndState {
     /// Receptors only reflect in a partial step, so a capture is an arrival.
     fn from_event(event: &Event, species: u32) -> Self {
         Self::Arrived { receiver: event.receiver(), species }
@@ -270,7 +270,11 @@ impl<'a> ReleaseStep<'a> {
         DrawContext { key: self.key, id, step: self.step - 1 }
     }
 
-    fn near(&self, boundary: &Boundary, moves: &[Option<PartialMove<'_>>]) -> Vec<&'a ReceiverState> {
+    fn receivers_near(
+        &self,
+        boundary: &Boundary,
+        moves: &[Option<PartialMove<'_>>],
+    ) -> Vec<&'a ReceiverState> {
         let moves = || moves.iter().flatten();
         let Some(PartialMove { moved, .. }) = moves().next() else { return Vec::new() };
         let center = moved.path.before;

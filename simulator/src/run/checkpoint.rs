@@ -143,7 +143,7 @@ impl Checkpoint {
         let mut before = [0; 2];
         for (rank, record) in (0..).zip(parts) {
             let counts = record.counts();
-            let ranges = [0, 1].map(|k| within(&wanted[k], before[k], counts[k]));
+            let ranges = [0, 1].map(|k| clamp_range(&wanted[k], before[k], counts[k]));
             before = [0, 1].map(|k| before[k] + counts[k]);
             let is_idle = slice.is_first() && counts == [0; 2];
             if ranges.iter().all(Range::is_empty) && !is_idle {
@@ -174,7 +174,7 @@ fn read_part(path: &Path, record: PartRecord) -> Result<Part, Error> {
     }
 }
 
-fn within(range: &Range<u64>, before: u64, count: u64) -> Range<usize> {
+fn clamp_range(range: &Range<u64>, before: u64, count: u64) -> Range<usize> {
     let at = |index: u64| index.saturating_sub(before).min(count) as usize;
     at(range.start)..at(range.end)
 }

@@ -33,13 +33,13 @@ fn value_difference(key: &str, before: &Value, now: &Value) -> Option<String> {
             Some(format!("'{key}' has {} entries there and {} now", before.len(), now.len()))
         }
         _ => {
-            let [before, now] = [before, now].map(shown);
+            let [before, now] = [before, now].map(format_value);
             Some(format!("'{key}' is {before} there and {now} now"))
         }
     }
 }
 
-fn shown(value: &Value) -> String {
+fn format_value(value: &Value) -> String {
     let text = match value {
         Value::String(text) => format!("'{text}'"),
         Value::Integer(number) => number.to_string(),

@@ -19,7 +19,7 @@ impl State {
         species: u32,
         positions: &[[f32; 3]],
     ) -> Result<Range<u32>, Error> {
-        let kind = known(model, species)?;
+        let kind = known_species(model, species)?;
         if let Some(at) = positions.iter().position(|position| position.iter().any(|x| !x.is_finite())) {
             let position = positions[at];
             return Err(Error::Model(format!("position {at} is {position:?}; it must be finite")));
@@ -37,7 +37,7 @@ impl State {
         self.totals.released[species as usize] += positions.len() as u64;
         self.totals.present[species as usize] += positions.len() as u64;
         if model.logs_arrivals {
-            self.origins.enter(ids.start, None);
+            self.origins.insert(ids.start, None);
         }
         Ok(ids)
     }
@@ -71,16 +71,16 @@ impl State {
             let known = model.transmitters.len();
             Error::Model(format!("there is no transmitter {transmitter}; the model has {known}"))
         })?;
-        known(model, species)?;
+        known_species(model, species)?;
         let ids = self.take_ids(count.into())?;
         self.particles.reserve(count.into(), model.has_velocity())?;
         let batch = Batch::from_ids(from, emission, ids.start, &ReceiverMove::at_rest(&self.centers));
         let released = model.burst(&batch, key)?;
         self.next_id = ids.end;
-        self.totals.enter(&released);
+        self.totals.add_released(&released);
         self.particles.append(released.particles);
         if model.logs_arrivals {
-            self.origins.enter(ids.start, Some(Origin { transmitter, step: self.step }));
+            self.origins.insert(ids.start, Some(Origin { transmitter, step: self.step }));
         }
         Ok(ids)
     }
@@ -94,7 +94,7 @@ impl State {
     }
 }
 
-fn known(model: &Model, species: u32) -> Result<&crate::Species, Error> {
+fn known_species(model: &Model, species: u32) -> Result<&crate::Species, Error> {
     model.species.get(species as usize).ok_or_else(|| {
         let known = model.species.len();
         Error::Model(format!("there is no species {species}; the model has {known}"))

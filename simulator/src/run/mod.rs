@@ -156,7 +156,7 @@ impl Run {
                 let last = LastSteps { recorded: step, saved };
                 return Err(self.after_failed_step(error, &simulation, &mut files, last));
             }
-            pace.see(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
+            pace.add_steps(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
             // This output and a checkpoint need at most half of the required free space.
             let is_last = self.is_disk_full(&simulation, slot)?;
             files.record(&simulation)?;
@@ -269,7 +269,7 @@ impl Run {
     }
 
     pub(crate) fn lock(&self) -> Result<Lock, Error> {
-        match Lock::take(&self.directory) {
+        match Lock::acquire(&self.directory) {
             Err(Error::Write { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
                 Err(Error::Read { path: self.checkpoint_path(), source })
             }

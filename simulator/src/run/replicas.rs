@@ -82,7 +82,7 @@ impl Replicas {
         output::replica_directory(&self.run.directory, replica)
     }
 
-    fn begun(&self) -> Result<Vec<u32>, Error> {
+    fn begun_replicas(&self) -> Result<Vec<u32>, Error> {
         let mut begun = output::numbered(&self.run.directory, "replica-")?;
         begun.retain(|&replica| replica < self.count.get());
         Ok(begun)
@@ -91,12 +91,12 @@ impl Replicas {
     /// Counts replicas with a checkpoint. Looks only at directories that exist, because the replicas may be billions.
     pub(super) fn checkpoint_count(&self) -> Result<u32, Error> {
         let has_one = |replica: &u32| self.directory_of(*replica).join("checkpoint").exists();
-        Ok(self.begun()?.iter().filter(|replica| has_one(replica)).count() as u32)
+        Ok(self.begun_replicas()?.iter().filter(|replica| has_one(replica)).count() as u32)
     }
 
     /// Returns `true` if replicas have steps to do.
     pub(super) fn is_outdated(&self) -> Result<bool, Error> {
-        let begun = self.begun()?;
+        let begun = self.begun_replicas()?;
         if !self.run.resume || begun.len() < self.count.get() as usize {
             return Ok(true);
         }
@@ -145,7 +145,7 @@ impl Replicas {
                 if !self.check_seeds(&path, is_cancelled)? {
                     return Ok(None);
                 }
-                let lock = Lock::take(directory)?;
+                let lock = Lock::acquire(directory)?;
                 self.refuse_foreign()?;
                 self.check_table_fits()?;
                 lock
@@ -160,7 +160,7 @@ impl Replicas {
     pub(super) fn refuse_foreign(&self) -> Result<(), Error> {
         let directory = &self.run.directory;
         output::refuse_other_table(directory, output::MEAN, "step,time,replicas")?;
-        for replica in self.begun()? {
+        for replica in self.begun_replicas()? {
             output::refuse_other_derived(&self.directory_of(replica), &self.output_of(replica))?;
         }
         let Some(plots) = self.run.report else { return Ok(()) };
@@ -240,7 +240,7 @@ impl Replicas {
 
     pub(crate) fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
         let mut finished = Vec::new();
-        for replica in self.begun()? {
+        for replica in self.begun_replicas()? {
             if ended.binary_search(&replica).is_ok() || is_finished(&self.replica(replica))? {
                 finished.push(replica);
             }

@@ -6,7 +6,7 @@ use crate::model::particles::{Particle, Particles};
 use crate::model::receiver::{ReceiverKind, all_inside};
 use crate::motion::binding::{self, BindingRequest, Bound, UnboundParticle};
 use crate::motion::collisions::Collisions;
-use crate::motion::collisions::halo::{Halo, Undivided};
+use crate::motion::collisions::halo::{Halo, SingleProcess};
 use crate::motion::contact::Contacts;
 use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_search::ReceiverSearch;
@@ -47,7 +47,7 @@ pub struct Simulation {
 }
 
 #[derive(Debug)]
-pub(crate) struct Moved {
+pub(crate) struct StepMoves {
     events: Vec<Event>,
     leaving: Vec<UnboundParticle>,
     receiver_moves: Vec<ReceiverMove>,
@@ -127,7 +127,7 @@ impl Simulation {
         }
         self.state.particles.reserve(particles.len() as u64, with_velocity)?;
         if self.model.logs_arrivals {
-            self.state.origins.enter(self.state.next_id, None);
+            self.state.origins.insert(self.state.next_id, None);
         }
         for at in 0..particles.len() {
             let particle = particles.get(at);
@@ -167,8 +167,8 @@ impl Simulation {
     /// [`Error::OutOfIds`], [`Error::Collisions`], [`Error::LongPaths`], [`Error::NotFinite`], and [`Error::Step`] from the
     /// detector.
     pub fn step(&mut self) -> Result<(), Error> {
-        let free = binding::free(&self.model, &self.state.totals.occupied);
-        let moved = self.advance(&free, &mut Undivided)?;
+        let free = binding::free_receptors(&self.model, &self.state.totals.occupied);
+        let moved = self.advance(&free, &mut SingleProcess)?;
         let rejected = self.requests.reject(self.binding_requests(&moved), &free);
         self.apply_events(&moved, &rejected);
         let outcomes = self.interact()?;
@@ -180,7 +180,7 @@ impl Simulation {
     }
 
     /// Collective.
-    pub(crate) fn advance<H: Halo>(&mut self, free: &[u32], halo: &mut H) -> Result<Moved, H::Error> {
+    pub(crate) fn advance<H: Halo>(&mut self, free: &[u32], halo: &mut H) -> Result<StepMoves, H::Error> {
         let now = StepKey { key: self.key, step: self.state.step };
         let Self { model, state, motion, receiver_search, collisions, contacts, surface_steps, .. } = self;
         surface_steps.advance(&mut state.bound, now);
@@ -197,15 +197,15 @@ impl Simulation {
         let events = halo.agree(events)?;
         state.centers = receiver_moves.iter().map(|receiver_move| receiver_move.center).collect();
         contacts.set_centers(&state.centers);
-        Ok(Moved { events, leaving, receiver_moves })
+        Ok(StepMoves { events, leaving, receiver_moves })
     }
 
-    pub(crate) fn binding_requests(&self, moved: &Moved) -> Vec<BindingRequest> {
+    pub(crate) fn binding_requests(&self, moved: &StepMoves) -> Vec<BindingRequest> {
         binding::requests(&moved.events, |at| self.state.particles.id[at as usize])
     }
 
     /// Applies events, without bindings of the ascending ids `rejected`.
-    pub(crate) fn apply_events(&mut self, moved: &Moved, rejected: &[u32]) {
+    pub(crate) fn apply_events(&mut self, moved: &StepMoves, rejected: &[u32]) {
         let mut removed = Vec::new();
         self.arrivals.clear();
         self.spared.clear();
@@ -243,10 +243,10 @@ impl Simulation {
         self.arrivals.sort_unstable_by_key(|arrival| arrival.id);
         self.spared.sort_unstable();
         self.state.particles.remove(&mut removed);
-        self.let_off(&moved.leaving);
+        self.unbind(&moved.leaving);
     }
 
-    fn let_off(&mut self, leaving: &[UnboundParticle]) {
+    fn unbind(&mut self, leaving: &[UnboundParticle]) {
         let Self { model, key, state, .. } = self;
         let with_velocity = model.has_velocity();
         // `swap_remove` fills a gap with a later entry, which was handled.
@@ -338,7 +338,7 @@ impl Simulation {
         self.state.next_id = released as u32;
         if self.model.logs_arrivals {
             for (id, &parent) in (first_id..).zip(parents) {
-                self.state.origins.enter(id, self.state.origins.origin_of(parent));
+                self.state.origins.insert(id, self.state.origins.origin_of(parent));
             }
         }
         let mut removed = Vec::new();
@@ -375,7 +375,7 @@ impl Simulation {
         Some(Particle { position, velocity, radius, species, id })
     }
 
-    pub(crate) fn finish(&mut self, moved: &Moved, slice: RankSlice) -> Result<(), Error> {
+    pub(crate) fn finish(&mut self, moved: &StepMoves, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
         let State { step, next_id, .. } = self.state;
         let (events, key, receiver_moves) = (&self.partial_events, self.key, &moved.receiver_moves[..]);

@@ -90,7 +90,7 @@ impl SweepRuns {
     fn lock(&self) -> Result<Lock, Error> {
         if self.resume {
             self.check_points(&self.directory.join(POINTS))?;
-            let lock = Lock::take(&self.directory)?;
+            let lock = Lock::acquire(&self.directory)?;
             self.refuse_foreign()?;
             return Ok(lock);
         }

@@ -15,7 +15,7 @@ const MAX_FAST_FRACTION: f64 = 0.1;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TimeStepMonitor {
     /// Indexed by reaction: all, those in fast steps, and the largest fraction in a step.
-    seen: Vec<(f64, f64, f64)>,
+    counts: Vec<(f64, f64, f64)>,
 }
 
 impl TimeStepMonitor {
@@ -24,8 +24,8 @@ impl TimeStepMonitor {
         Totals { present, reacted, ..Totals::default() }
     }
 
-    pub(crate) fn see(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: Range<u32>) {
-        self.seen.resize(model.reactions.len(), (0.0, 0.0, 0.0));
+    pub(crate) fn add_steps(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: Range<u32>) {
+        self.counts.resize(model.reactions.len(), (0.0, 0.0, 0.0));
         if steps.len() == 1 && begins_with_burst(model, steps.start) {
             // Particles released near each other react at once, at any time step.
             return;
@@ -35,7 +35,7 @@ impl TimeStepMonitor {
             let [a, b] = reaction.reactants.map(|species| before.present[species as usize] as f64);
             let reactants = if reaction.reactants[0] == reaction.reactants[1] { a / 2.0 } else { a.min(b) };
             let fraction = count / steps.len().max(1) as f64 / reactants.max(1.0);
-            let (all, fast, worst) = &mut self.seen[index];
+            let (all, fast, worst) = &mut self.counts[index];
             *all += count;
             if fraction > FAST_FRACTION && reactants > 10.0 {
                 *fast += count;
@@ -59,7 +59,7 @@ impl TimeStepMonitor {
                 )
             })
         };
-        model.reactions.iter().zip(&self.seen).filter_map(said).collect()
+        model.reactions.iter().zip(&self.counts).filter_map(said).collect()
     }
 }
 
@@ -90,7 +90,7 @@ mod tests {
             ..Totals::default()
         };
         let mut pace = TimeStepMonitor::default();
-        pace.see(&model, [&totals([1000, 100], [0, 0]), &totals([800, 60], [40, 50])], 0..10);
+        pace.add_steps(&model, [&totals([1000, 100], [0, 0]), &totals([800, 60], [40, 50])], 0..10);
         assert_eq!(pace.warnings(&model).len(), 1);
         let said = &pace.warnings(&model)[0];
         assert!(
@@ -98,7 +98,7 @@ mod tests {
             "{said}"
         );
         assert!(said.contains("of about 5.00e-2 s"), "{said}");
-        pace.see(&model, [&totals([800, 60], [40, 50]), &totals([400, 60], [500, 50])], 10..1010);
+        pace.add_steps(&model, [&totals([800, 60], [40, 50]), &totals([400, 60], [500, 50])], 10..1010);
         assert_eq!(pace.warnings(&model), [""; 0]);
     }
 
@@ -122,7 +122,7 @@ mod tests {
                 reacted: vec![reacted],
                 ..Totals::default()
             };
-            pace.see(&model, [&totals(1000, 2000, 0), &totals(800, 3000, 200)], step..step + 1);
+            pace.add_steps(&model, [&totals(1000, 2000, 0), &totals(800, 3000, 200)], step..step + 1);
             pace.warnings(&model).len()
         };
         assert_eq!(with(Transmitter { schedule: steady, ..Transmitter::default() }, 3), 1);

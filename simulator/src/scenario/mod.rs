@@ -55,7 +55,7 @@ impl Scenario {
         check_length(text.len())?;
         let placed = |problem| located(path, &text, problem);
         let file = lazygrid_scenario::parse(&text).map_err(|error| placed(error.into()))?;
-        let resolve::Resolved { model, steps, seed, output, warnings } =
+        let resolve::ResolvedScenario { model, steps, seed, output, warnings } =
             resolve::resolve(file, path.parent().unwrap_or(Path::new(""))).map_err(placed)?;
         model.check().map_err(shortened)?;
         let more = warnings.len().saturating_sub(MAX_WARNINGS);

@@ -69,7 +69,7 @@ impl Sweep {
         let Ok(file) = DeTable::parse(&text) else { return Ok(None) };
         let mut known = Vec::new();
         list_keys(file.get_ref(), "", MAX_PATH_PARTS, &mut known);
-        let spots = keys.iter().map(|key| spot(key, &known)).collect::<Result<Vec<_>, _>>();
+        let spots = keys.iter().map(|key| value_span(key, &known)).collect::<Result<Vec<_>, _>>();
         let spots = spots.and_then(disjoint).map_err(Error::Model)?;
         let points = combinations(&keys).map_err(Error::Model)?;
         // A scenario keeps a tenth of what its parsing takes.
@@ -79,7 +79,7 @@ impl Sweep {
         let points = points.into_iter().map(|values| {
             let text = flow_file::with_absolute_path(replaced(&text, &spots, &values), directory);
             let scenario = Scenario::parse_silently(path, text);
-            let values: Vec<String> = values.iter().map(|value| plain(value)).collect();
+            let values: Vec<String> = values.iter().map(|value| unquoted(value)).collect();
             let mut scenario = scenario.map_err(|source| sweep_point_error(&keys, &values, source))?;
             flow_file::share_flow_field(&mut scenario.model, &mut fields);
             for warning in scenario.warnings.iter().filter(|warning| !logged.contains(*warning)) {
@@ -167,7 +167,7 @@ pub(super) fn quoted(value: &str) -> String {
     format!("\"{}\"", value.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-fn plain(value: &str) -> String {
+fn unquoted(value: &str) -> String {
     let inner = ['"', '\''].into_iter().find_map(|quote| value.strip_prefix(quote)?.strip_suffix(quote));
     inner.unwrap_or(value).replace(',', " ").split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -226,7 +226,7 @@ fn element_names(value: &DeValue<'_>, index: usize, count: usize) -> Vec<String>
     names
 }
 
-fn spot(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), String> {
+fn value_span(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), String> {
     if let Some(found) = known.iter().find(|known| known.path == key.path) {
         return Ok((found.span.clone(), found.is_string));
     }

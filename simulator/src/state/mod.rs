@@ -11,7 +11,7 @@ use crate::motion::receiver_state::ReceiverMove;
 use crate::random::philox::Key;
 use crate::release::origins::{Arrival, Origin, Origins};
 use crate::release::rank_slice::RankSlice;
-use crate::release::{PartialEvents, ReleaseStep, Released};
+use crate::release::{PartialEvents, ReleaseStep, ReleasedParticles};
 
 /// The state after a step and the releases at the beginning of the next one. With the model and the seed, it
 /// determines the rest of the run bit for bit.
@@ -126,7 +126,7 @@ impl State {
         let steps =
             (0..=self.step).flat_map(|step| model.releases(step, key).map(move |release| (step, release)));
         for (step, (transmitter, _, count)) in steps {
-            origins.enter(first as u32, Some(Origin { transmitter, step }));
+            origins.insert(first as u32, Some(Origin { transmitter, step }));
             first += u64::from(count);
             if first > self.next_id.into() {
                 break;
@@ -168,19 +168,19 @@ impl State {
         if model.logs_arrivals {
             let mut first = at.next_id;
             for (transmitter, _, count) in model.releases(at.step, at.key) {
-                self.origins.enter(first, Some(Origin { transmitter, step: at.step }));
+                self.origins.insert(first, Some(Origin { transmitter, step: at.step }));
                 first += count;
             }
         }
         self.next_id = released.next_id;
-        self.totals.enter(&released);
+        self.totals.add_released(&released);
         self.particles.append(released.particles);
         Ok(released.arrivals)
     }
 }
 
 impl Totals {
-    pub(crate) fn enter(&mut self, released: &Released) {
+    pub(crate) fn add_released(&mut self, released: &ReleasedParticles) {
         let add =
             |totals: &mut Vec<u64>, more: &[u64]| totals.iter_mut().zip(more).for_each(|(t, m)| *t += m);
         add(&mut self.released, &released.released);

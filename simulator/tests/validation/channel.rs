@@ -1,5 +1,5 @@
-use lazygrid_results::bit_errors::{BitErrors, Detector, ReplicaFiles};
-use lazygrid_results::log::{Arrived, Log};
+use lazygrid_results::bit_errors::{BitErrors, ReplicaFiles, SymbolDetector};
+use lazygrid_results::log::{Log, LoggedArrival};
 use lazygrid_results::symbols::{SymbolSlots, messages};
 use lazygrid_sim::random::philox::Key;
 use lazygrid_sim::{Model, Schedule};
@@ -212,12 +212,12 @@ pub(crate) fn shift_keying() -> Vec<Row> {
                 steps(&mut simulation, 1);
                 let one = |arrival: &lazygrid_sim::Arrival| {
                     let [receiver, species] = [arrival.receiver, arrival.species].map(|index| index as usize);
-                    Arrived { step, receiver, species, origin: None }
+                    LoggedArrival { step, receiver, species, origin: None }
                 };
                 log.arrivals.extend(simulation.arrivals().iter().map(one));
             }
             let (_, message) = messages(&model).next().expect("a message");
-            let mut errors = BitErrors::new(&model, message, [0, 0], Detector::Arrivals, 0);
+            let mut errors = BitErrors::new(&model, message, [0, 0], SymbolDetector::Arrivals, 0);
             let files = ReplicaFiles { seed, log, ..ReplicaFiles::default() };
             let slots = SymbolSlots::new(message, model.time_step, 0, FEW_SYMBOLS * STEPS);
             errors.add(&files, &model, &slots);

@@ -46,21 +46,21 @@ fn page(out: &mut impl Write, model: &Model, title: &str, frames: &Path, series:
     let title = title.replace('&', "&amp;").replace('<', "&lt;");
     let mut rest = PAGE;
     for (mark, text) in [("{{title}}", title), ("{{scene}}", json.replace('<', "\\u003c"))] {
-        rest = put(out, rest, mark, &text)?;
+        rest = fill_mark(out, rest, mark, &text)?;
     }
-    rest = put(out, rest, "{{frames}}", "")?;
+    rest = fill_mark(out, rest, "{{frames}}", "")?;
     for (at, frame) in open()?.enumerate() {
         let frame = thinned(frame?, shift);
         write!(out, "<script type=\"text/plain\" id=\"frame-{at}\">")?;
         base64(out, &scene::quantized_positions(&frame))?;
         writeln!(out, "</script>")?;
     }
-    rest = put(out, rest, "{{script}}", &SCRIPTS.concat())?;
+    rest = fill_mark(out, rest, "{{script}}", &SCRIPTS.concat())?;
     out.write_all(rest.as_bytes())
 }
 
 /// Writes the page up to `mark`, then `text`. Returns the rest of the page.
-fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::Result<&'a str> {
+fn fill_mark<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::Result<&'a str> {
     let (before, after) = page.split_once(mark).unwrap_or((page, ""));
     out.write_all(before.as_bytes())?;
     out.write_all(text.as_bytes())?;

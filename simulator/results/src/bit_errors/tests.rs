@@ -1,12 +1,12 @@
 use super::*;
-use crate::log::Arrived;
+use crate::log::LoggedArrival;
 use crate::symbols::messages;
 use crate::symbols::tests::{log, model, slots};
 use lazygrid_sim::model::message::Symbols;
 
 fn bit_errors(model: &Model, delay: u32) -> BitErrors {
     let (_, message) = messages(model).next().unwrap();
-    BitErrors::new(model, message, [0, 0], Detector::Arrivals, delay)
+    BitErrors::new(model, message, [0, 0], SymbolDetector::Arrivals, delay)
 }
 
 fn sends(symbols: Vec<u32>, modulation: Modulation, release: Vec<(u32, u32)>) -> (Model, SymbolSlots) {
@@ -22,7 +22,7 @@ pub(crate) fn arrivals(counts: &[&[usize]]) -> Log {
     let mut arrivals = Vec::new();
     for (slot, counts) in counts.iter().enumerate() {
         for (species, &count) in counts.iter().enumerate() {
-            let one = Arrived { step: 6 + 10 * slot as u32, receiver: 0, species, origin: None };
+            let one = LoggedArrival { step: 6 + 10 * slot as u32, receiver: 0, species, origin: None };
             arrivals.extend(std::iter::repeat_n(one, count));
         }
     }
@@ -47,9 +47,9 @@ fn momentary_counts_are_detected_by_peak_energy_and_strength() {
     let files = ReplicaFiles { seed: 1, log: Log::default(), series };
     let (_, message) = messages(&model).next().unwrap();
     for (detector, seen) in [
-        (Detector::Peak, [9, 6, 4, 7]),
-        (Detector::Energy, [85, 61, 25, 50]),
-        (Detector::Strength, [11, 11, 7, 8]),
+        (SymbolDetector::Peak, [9, 6, 4, 7]),
+        (SymbolDetector::Energy, [85, 61, 25, 50]),
+        (SymbolDetector::Strength, [11, 11, 7, 8]),
     ] {
         let mut errors = BitErrors::new(&model, message, [0, 0], detector, 0);
         errors.add(&files, &model, &slots(100));
@@ -63,7 +63,7 @@ fn momentary_counts_are_detected_by_peak_energy_and_strength() {
     }
     assert_eq!(
         wilson(1, 4),
-        BitErrors { bits: 4, ..BitErrors::new(&model, message, [0, 0], Detector::Peak, 0) }.interval(1)
+        BitErrors { bits: 4, ..BitErrors::new(&model, message, [0, 0], SymbolDetector::Peak, 0) }.interval(1)
     );
 }
 
@@ -80,7 +80,7 @@ fn slots_without_a_row_are_no_bits() {
     };
     let files = ReplicaFiles { seed: 1, log: Log::default(), series };
     let (_, message) = messages(&model).next().unwrap();
-    for detector in Detector::MOMENTARY {
+    for detector in SymbolDetector::MOMENTARY {
         let mut errors = BitErrors::new(&model, message, [0, 0], detector, 0);
         errors.add(&files, &model, &slots(100));
         assert_eq!((errors.bits, errors.ones, errors.at(&[1]).1), (2, 2, 0), "{detector:?}");

@@ -81,7 +81,7 @@ impl GpuSimulation {
 
     fn record_birth(&mut self, parent: u32) {
         if self.model.logs_arrivals {
-            self.origins.enter(self.next_id, self.origins.origin_of(parent));
+            self.origins.insert(self.next_id, self.origins.origin_of(parent));
         }
         self.next_id += 1;
     }
@@ -101,7 +101,7 @@ impl GpuSimulation {
         if self.model.logs_arrivals {
             let mut first = self.next_id;
             for (transmitter, _, count) in self.model.releases(step, self.key) {
-                self.origins.enter(first, Some(Origin { transmitter, step }));
+                self.origins.insert(first, Some(Origin { transmitter, step }));
                 first += count;
             }
         }
@@ -114,7 +114,7 @@ impl GpuSimulation {
             released = self.model.release(at, self.slice)?;
         }
         self.next_id = released.next_id;
-        self.totals.enter(&released);
+        self.totals.add_released(&released);
         if is_last {
             self.due = released.particles;
         }

@@ -7,7 +7,7 @@ use crate::Error;
 use crate::gpu::device::{refused, with_error_scope};
 use crate::gpu::dispatches::StepDispatches;
 use crate::gpu::layout::ControlHeader;
-use crate::gpu::plan::{MAX_BIRTHS, Sizes, grown};
+use crate::gpu::plan::{MAX_BIRTHS, Sizes, grow};
 
 /// Equal to that of `reflection.wgsl`.
 const NEAR: u64 = 16;
@@ -111,13 +111,13 @@ impl GpuSimulation {
                 }
                 sizes.births = (needed + needed / 4).min(limit) as u32;
             }
-            ControlHeader::PARTICLE_OVERFLOW => sizes.particles = grown(head.missing() as u32),
+            ControlHeader::PARTICLE_OVERFLOW => sizes.particles = grow(head.missing() as u32),
             ControlHeader::OUT_OF_IDS => {
                 return Err(Error::OutOfIds { released: u64::from(self.next_id) + head.missing() });
             }
             // A readback empties the log, so only the arrivals of one step can overflow it.
             ControlHeader::EVENT_OVERFLOW => {
-                sizes.events = sizes.events.max(grown(head.missing().min(u32::MAX.into()) as u32));
+                sizes.events = sizes.events.max(grow(head.missing().min(u32::MAX.into()) as u32));
             }
             ControlHeader::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.missing() }),
             other => {
@@ -145,7 +145,7 @@ impl GpuSimulation {
         match particles <= sizes.particles {
             true if bound => Ok(()),
             true => self.rebuild(sizes),
-            false => self.rebuild(Sizes { particles: grown(particles), ..sizes }),
+            false => self.rebuild(Sizes { particles: grow(particles), ..sizes }),
         }
     }
 

@@ -204,7 +204,7 @@ fn id_of(at: u32) -> u32 {
     (at * 37 + 11) % 1_000_003
 }
 
-struct Chosen {
+struct SelectionResult {
     moved: Vec<[f32; 4]>,
     claims: Vec<[u32; 8]>,
     held: Vec<u32>,
@@ -224,7 +224,7 @@ fn buffers_of_three(gpu: &GpuDevice) -> RunBuffers {
 /// Bytes of a receptor type.
 const ROW: u64 = size_of::<ReceptorRow>() as u64;
 
-fn choose(gpu: &GpuDevice, crowd: &Crowd) -> Chosen {
+fn choose(gpu: &GpuDevice, crowd: &Crowd) -> SelectionResult {
     let count = crowd.spheres.len() as u32;
     let mut buffers = buffers_of_three(gpu);
     let row = |(&[count, _], k): (&[u32; 2], u32)| ReceptorRow {
@@ -277,7 +277,7 @@ fn choose(gpu: &GpuDevice, crowd: &Crowd) -> Chosen {
     let read = read(gpu, encoder, &sources).expect("read");
     let receptors: Vec<[u32; 5]> = bytemuck::pod_collect_to_vec(&read[2]);
     let head: ControlHeader = bytemuck::pod_read_unaligned(&read[3][..size_of::<ControlHeader>()]);
-    Chosen {
+    SelectionResult {
         moved: bytemuck::pod_collect_to_vec(&read[0]),
         claims: bytemuck::pod_collect_to_vec(&read[1]),
         held: receptors.iter().map(|row| row[1]).collect(),
@@ -295,7 +295,7 @@ fn lowest_ranks_bind_to_free_receptors() {
     let expected = rejected(requests(events, id_of), &free);
     assert!(coming[1] > free[1] && free[2] == 0 && expected.len() > 1000);
 
-    let Chosen { moved, claims: after, held, tallies, removed } = choose(&gpu, &crowd);
+    let SelectionResult { moved, claims: after, held, tallies, removed } = choose(&gpu, &crowd);
     assert_eq!(held, RECEPTORS.map(|[_, held]| held));
     assert!(after.iter().all(|claim| claim[2] == 0));
     let stays = |event: &&Event| moved[event.at() as usize] == spheres[event.at() as usize];

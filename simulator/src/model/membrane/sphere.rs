@@ -150,7 +150,7 @@ impl Sphere {
 
     /// Returns the fraction of `displacement` after which a ray from `from`, relative to the center, reaches the
     /// surface.
-    fn reached(&self, is_inside: bool, from: [f64; 3], displacement: [f64; 3]) -> Option<f64> {
+    fn entry_fraction(&self, is_inside: bool, from: [f64; 3], displacement: [f64; 3]) -> Option<f64> {
         let [a, b] = [dot(displacement, displacement), dot(from, displacement)];
         let c = dot(from, from) - f64::from(self.radius).powi(2);
         if is_inside {
@@ -193,7 +193,7 @@ impl Ray<'_> {
             let from = sphere.vector_to(self.domain, self.at);
             self.images(is_inside).filter_map(move |image| {
                 let from = std::array::from_fn(|axis| from[axis] + image[axis]);
-                Some((sphere.reached(is_inside, from, self.displacement)?, Obstacle::Sphere(k, from)))
+                Some((sphere.entry_fraction(is_inside, from, self.displacement)?, Obstacle::Sphere(k, from)))
             })
         });
         let within = walls.chain(spheres).filter(|(fraction, _)| *fraction < 1.0);

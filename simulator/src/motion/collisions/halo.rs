@@ -29,9 +29,9 @@ pub(crate) trait Halo {
 
 /// The halo of a run in one process.
 #[derive(Debug)]
-pub(crate) struct Undivided;
+pub(crate) struct SingleProcess;
 
-impl Halo for Undivided {
+impl Halo for SingleProcess {
     type Error = Error;
 
     fn agree<T>(&self, result: Result<T, Error>) -> Result<T, Error> {

@@ -118,7 +118,7 @@ impl Collisions {
         let domains = &self.rules.domains;
         flights.par_iter_mut().zip(&scratch.movers).for_each(|(flight, mover)| {
             if mover.collided {
-                mover.land(flight, &domains[mover.species as usize]);
+                mover.finish_flight(flight, &domains[mover.species as usize]);
             }
         });
         self.scratch = scratch;
@@ -226,7 +226,7 @@ impl Collisions {
         }
         let touches = |[a, b]: [u32; 2]| {
             let [a, b] = [&movers[a as usize], &movers[b as usize]];
-            let cutoff = a.touch(b) + 2.0 * allowance;
+            let cutoff = a.contact_distance(b) + 2.0 * allowance;
             let d = a.displacement(b, a.time, boundary);
             dot(d, d) <= cutoff * cutoff
         };
@@ -239,7 +239,7 @@ impl Extent {
     fn new(movers: &[Mover]) -> Self {
         let none = Self { count: 0, largest: 0.0, low: [f64::MAX; 3], high: [f64::MIN; 3] };
         movers.iter().fold(none, |all, mover| {
-            all.with(Self {
+            all.union(Self {
                 count: 1,
                 largest: mover.radius.into(),
                 low: mover.position,
@@ -249,10 +249,10 @@ impl Extent {
     }
 
     fn from_ranks(ranks: Vec<Self>) -> Self {
-        ranks.into_iter().fold(Self::new(&[]), Self::with)
+        ranks.into_iter().fold(Self::new(&[]), Self::union)
     }
 
-    fn with(self, other: Self) -> Self {
+    fn union(self, other: Self) -> Self {
         Self {
             count: self.count + other.count,
             largest: self.largest.max(other.largest),

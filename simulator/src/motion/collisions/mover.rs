@@ -64,16 +64,16 @@ impl Mover {
     }
 
     /// Returns the distance of the centers in contact.
-    pub(crate) fn touch(&self, other: &Self) -> f64 {
+    pub(crate) fn contact_distance(&self, other: &Self) -> f64 {
         f64::from(self.radius) + f64::from(other.radius)
     }
 
     /// Returns a negative gap for an overlap.
     pub(crate) fn gap(&self, other: &Self, time: f64, boundary: &Boundary) -> f64 {
-        length(self.displacement(other, time, boundary)) - self.touch(other)
+        length(self.displacement(other, time, boundary)) - self.contact_distance(other)
     }
 
-    pub(crate) fn land(&self, flight: &mut Flight, domain: &Boundary) {
+    pub(crate) fn finish_flight(&self, flight: &mut Flight, domain: &Boundary) {
         let end = self.position.map(|c| c as f32);
         let after = domain.confine(end);
         let end = std::array::from_fn(|k| match domain.axes[k] {

@@ -69,16 +69,16 @@ struct Progress {
 }
 
 #[derive(Debug)]
-struct Agenda {
+struct EventSchedule {
     next: Vec<Event>,
     safe_from: Vec<f64>,
     active: Vec<u32>,
     is_active: Vec<bool>,
-    news: Vec<News>,
+    changes: Vec<MoverChange>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum News {
+enum MoverChange {
     None,
     /// The partner of its next event changed.
     Partner,
@@ -88,10 +88,10 @@ enum News {
 impl Window<'_> {
     /// Ghosts must include the movers up to [`HOPS`](super::halo::HOPS) candidate pairs away.
     pub(crate) fn run<H: Halo>(&self, movers: &mut [Mover], halo: &mut H) -> Result<WindowEnd, H::Error> {
-        let mut agenda = self.begin(movers);
+        let mut schedule = self.begin(movers);
         let (mut last, mut collisions) = (Progress::zeroed(), 0);
         loop {
-            last.earliest = agenda.earliest(self.own_count);
+            last.earliest = schedule.earliest(self.own_count);
             let Progress { earliest, fastest, collisions: more } = Progress::from_ranks(halo.gather(last));
             collisions += more;
             if fastest > self.top_speed {
@@ -104,34 +104,34 @@ impl Window<'_> {
                 return Ok(WindowEnd::Finished(collisions));
             }
             let mut changed = Vec::new();
-            last = self.round(movers, &mut agenda, earliest, &mut changed);
+            last = self.round(movers, &mut schedule, earliest, &mut changed);
             halo.refresh(movers, &mut changed)?;
-            self.update(movers, &mut agenda, &changed);
+            self.update(movers, &mut schedule, &changed);
         }
     }
 
     fn round(
         &self,
         movers: &mut [Mover],
-        agenda: &mut Agenda,
+        schedule: &mut EventSchedule,
         earliest: f64,
         changed: &mut Vec<u32>,
     ) -> Progress {
         let is_own = |at: u32| (at as usize) < self.own_count;
         let trial = |&at: &u32| {
-            let event = agenda.next[at as usize];
+            let event = schedule.next[at as usize];
             let is_here = event.at[0] == at && event.particles().iter().any(|&at| is_own(at));
-            if !is_here || agenda.safe_from[at as usize] > earliest {
+            if !is_here || schedule.safe_from[at as usize] > earliest {
                 return None;
             }
-            let safe_from = self.safe_from(movers, &agenda.next, &event, earliest)?;
+            let safe_from = self.safe_from(movers, &schedule.next, &event, earliest)?;
             let outcome = || self.rules.outcome(movers, &event);
             Some((event, safe_from, (safe_from <= earliest).then(outcome)))
         };
-        let trials: Vec<_> = agenda.active.par_iter().with_min_len(CHUNK).filter_map(trial).collect();
+        let trials: Vec<_> = schedule.active.par_iter().with_min_len(CHUNK).filter_map(trial).collect();
         let mut progress = Progress { earliest, fastest: 0.0, collisions: 0 };
         for (event, safe_from, outcome) in &trials {
-            agenda.safe_from[event.at[0] as usize] = *safe_from;
+            schedule.safe_from[event.at[0] as usize] = *safe_from;
             let Some((after, met)) = outcome else { continue };
             if is_own(event.at[0]) {
                 progress.collisions += met;
@@ -145,7 +145,7 @@ impl Window<'_> {
         progress
     }
 
-    fn begin(&self, movers: &[Mover]) -> Agenda {
+    fn begin(&self, movers: &[Mover]) -> EventSchedule {
         let all = 0..movers.len() as u32;
         let mut next = Vec::new();
         let first = |at: u32| self.next_event(movers, at);
@@ -153,7 +153,7 @@ impl Window<'_> {
         let is_active: Vec<bool> = next.iter().map(|event: &Event| event.time <= self.horizon).collect();
         let active = all.filter(|&at| is_active[at as usize]).collect();
         let safe_from = vec![0.0; next.len()];
-        Agenda { next, safe_from, active, is_active, news: vec![News::None; movers.len()] }
+        EventSchedule { next, safe_from, active, is_active, changes: vec![MoverChange::None; movers.len()] }
     }
 
     pub(crate) fn next_event(&self, movers: &[Mover], at: u32) -> Event {
@@ -162,9 +162,9 @@ impl Window<'_> {
         events.chain(self.rules.predict_wall(movers, at)).fold(Event::NEVER, Event::earlier)
     }
 
-    fn update(&self, movers: &[Mover], agenda: &mut Agenda, changed: &[u32]) {
-        changed.iter().for_each(|&at| agenda.news[at as usize] = News::Own);
-        let stale = agenda.lose_partners(changed.iter().flat_map(|&at| self.neighbors.neighbors_of(at)));
+    fn update(&self, movers: &[Mover], schedule: &mut EventSchedule, changed: &[u32]) {
+        changed.iter().for_each(|&at| schedule.changes[at as usize] = MoverChange::Own);
+        let stale = schedule.lose_partners(changed.iter().flat_map(|&at| self.neighbors.neighbors_of(at)));
         let again = |&at: &u32| self.next_event(movers, at);
         let repeated: Vec<Event> = stale.par_iter().with_min_len(CHUNK).map(again).collect();
         let of_one = |&at: &u32| {
@@ -173,18 +173,20 @@ impl Window<'_> {
             events.chain(self.rules.predict_wall(movers, at))
         };
         let events: Vec<Event> = changed.par_iter().with_min_len(CHUNK).flat_map_iter(of_one).collect();
-        changed.iter().for_each(|&at| agenda.next[at as usize] = Event::NEVER);
-        stale.iter().zip(repeated).for_each(|(&at, event)| agenda.set(at, event, self.horizon));
+        changed.iter().for_each(|&at| schedule.next[at as usize] = Event::NEVER);
+        stale.iter().zip(repeated).for_each(|(&at, event)| schedule.set(at, event, self.horizon));
         for event in events {
             for &at in event.particles() {
                 let index = at as usize;
-                if agenda.news[index] != News::Partner && event.compare(&agenda.next[index]).is_lt() {
-                    agenda.set(at, event, self.horizon);
+                if schedule.changes[index] != MoverChange::Partner
+                    && event.compare(&schedule.next[index]).is_lt()
+                {
+                    schedule.set(at, event, self.horizon);
                 }
             }
         }
-        changed.iter().chain(&stale).for_each(|&at| agenda.news[at as usize] = News::None);
-        let Agenda { next, active, is_active, .. } = agenda;
+        changed.iter().chain(&stale).for_each(|&at| schedule.changes[at as usize] = MoverChange::None);
+        let EventSchedule { next, active, is_active, .. } = schedule;
         active.retain(|&at| {
             is_active[at as usize] = next[at as usize].time <= self.horizon;
             is_active[at as usize]
@@ -230,7 +232,7 @@ impl Window<'_> {
         let [left, steady] = pair.map(|at| &movers[at as usize]);
         let time = from.max(left.time).max(steady.time);
         let d = left.displacement(steady, time, &self.rules.boundary);
-        let near = (1.0 - self.slack) * left.touch(steady);
+        let near = (1.0 - self.slack) * left.contact_distance(steady);
         let max_distance = near + (until - from) * (self.top_speed + steady.speed);
         dot(d, d) >= max_distance * max_distance
     }
@@ -242,7 +244,7 @@ impl Window<'_> {
         }
         let [left, steady] = pair.map(|at| &movers[at as usize]);
         let time = from.max(left.time).max(steady.time);
-        let gap = left.gap(steady, time, &self.rules.boundary) + self.slack * left.touch(steady);
+        let gap = left.gap(steady, time, &self.rules.boundary) + self.slack * left.contact_distance(steady);
         from + gap.max(0.0) / (self.top_speed + steady.speed)
     }
 }
@@ -258,19 +260,20 @@ impl Progress {
     }
 }
 
-impl Agenda {
+impl EventSchedule {
     fn earliest(&self, own_count: usize) -> f64 {
         let active = self.active.iter().filter(|&&at| (at as usize) < own_count);
         active.map(|&at| self.next[at as usize].time).fold(f64::INFINITY, f64::min)
     }
 
     fn lose_partners<'a>(&mut self, candidates: impl Iterator<Item = &'a u32>) -> Vec<u32> {
-        let Self { next, news, .. } = self;
+        let Self { next, changes, .. } = self;
         let mut stale = Vec::new();
         for &at in candidates {
-            let changed = |&other: &u32| news[other as usize] == News::Own;
-            if news[at as usize] == News::None && next[at as usize].particles().iter().any(changed) {
-                news[at as usize] = News::Partner;
+            let changed = |&other: &u32| changes[other as usize] == MoverChange::Own;
+            if changes[at as usize] == MoverChange::None && next[at as usize].particles().iter().any(changed)
+            {
+                changes[at as usize] = MoverChange::Partner;
                 stale.push(at);
             }
         }

@@ -94,7 +94,7 @@ impl Rules {
             return None;
         }
         // Rounding may leave a small overlap.
-        let apart = (dot(d, d) - a.touch(b).powi(2)).max(0.0);
+        let apart = (dot(d, d) - a.contact_distance(b).powi(2)).max(0.0);
         let root = approach * approach - dot(relative, relative) * apart;
         let time = now + apart / (approach + root.max(0.0).sqrt());
         (root >= 0.0).then_some(Event { time, ids: [a.id, b.id], at: pair, wall: 0 })

@@ -1,4 +1,4 @@
-use super::halo::Undivided;
+use super::halo::SingleProcess;
 use super::mover::{Mover, length};
 use super::overlaps::bounce_overlaps;
 use super::rounds::{Adjacency, SLACK, Window, WindowEnd};
@@ -74,7 +74,7 @@ fn run(movers: &[Mover], rules: &Rules, slack: f64) -> (Vec<Mover>, WindowEnd) {
     let (own_count, neighbors) = (movers.len(), &neighbors);
     let window =
         Window { rules, neighbors, own_count, horizon: HORIZON, top_speed: 5.0, slack, limit: 10_000 };
-    let end = window.run(&mut movers, &mut Undivided).expect("one process");
+    let end = window.run(&mut movers, &mut SingleProcess).expect("one process");
     (movers, end)
 }
 
@@ -112,7 +112,7 @@ fn late_hits_overlap_by_the_slack_at_most() {
         for (k, a) in rounds.iter().enumerate() {
             for b in &rounds[..k] {
                 let gap = a.gap(b, HORIZON, &rules.boundary);
-                assert!(gap > -2.0 * SLACK * a.touch(b), "{case}: {gap}");
+                assert!(gap > -2.0 * SLACK * a.contact_distance(b), "{case}: {gap}");
             }
         }
     }
@@ -129,7 +129,7 @@ fn speed_or_number_beyond_the_limit_ends_a_window() {
     let (own_count, neighbors) = (begun.len(), &neighbors);
     let window =
         Window { rules: &rules, neighbors, own_count, horizon: 1.0, top_speed, slack: 0.0, limit: 3 };
-    let end = |window: Window| window.run(&mut begun.clone(), &mut Undivided).expect("one process");
+    let end = |window: Window| window.run(&mut begun.clone(), &mut SingleProcess).expect("one process");
     assert!(matches!(end(window), WindowEnd::TooMany(4..)));
     let slow = Window { top_speed: 0.5 * top_speed, limit: 1000, ..window };
     assert!(matches!(end(slow), WindowEnd::TooFast(speed) if speed > 0.5 * top_speed));
@@ -149,7 +149,8 @@ fn overlapping_reactants_pass_through_each_other() {
         let (passes, before) = (!reactions.is_empty(), both);
         model.reactions = reactions;
         let rules = Rules::new(&model).expect("collisions");
-        let bounces = bounce_overlaps(&rules, &mut both, 2, &[[0, 1]], &mut Undivided).expect("one process");
+        let bounces =
+            bounce_overlaps(&rules, &mut both, 2, &[[0, 1]], &mut SingleProcess).expect("one process");
         assert_eq!(
             (bounces == 0, both.map(|one| one.motion) == before.map(|one| one.motion)),
             (passes, passes)
@@ -190,7 +191,7 @@ fn points_and_reactants_at_one_position_are_no_candidates() {
     let may_collide = |&[a, b]: &[u32; 2]| {
         let [a, b] = [a, b].map(|at| &movers[at as usize]);
         let is_near = a.gap(b, 0.0, &collisions.rules.boundary) <= 2.0 * ALLOWANCE;
-        is_near && a.touch(b) > 0.0 && !collisions.rules.may_react([a, b])
+        is_near && a.contact_distance(b) > 0.0 && !collisions.rules.may_react([a, b])
     };
     let all = (0..n).flat_map(|j| (0..j).map(move |i| [i, j]));
     let mut expected: Vec<_> = all.filter(may_collide).collect();

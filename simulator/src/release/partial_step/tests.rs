@@ -103,7 +103,10 @@ fn distant_receivers_change_nothing() {
     let all: Vec<_> = events.surfaces.active_receivers.all.iter().collect();
     let batch = model.all_batches(1, at.key).next().expect("a batch");
     let born: Vec<_> = (0..batch.count)
-        .map(|k| AgedParticle { particle: model.born(&batch, (k, k), at.key), age: batch.age(k, 0) })
+        .map(|k| AgedParticle {
+            particle: model.create_particle(&batch, (k, k), at.key),
+            age: batch.age(k, 0),
+        })
         .collect();
     let moves: Vec<_> = born.iter().map(|&born| model.partial_move(&batch, born, at)).collect();
     let (mut arrived, mut left_out, mut first) = (0, 0, 0);
@@ -113,13 +116,13 @@ fn distant_receivers_change_nothing() {
             break;
         }
         first = range.end;
-        let near = at.near(&model.boundary, &moves[range.clone()]);
+        let near = at.receivers_near(&model.boundary, &moves[range.clone()]);
         left_out += all.len() - near.len();
         for (&born, moved) in born[range.clone()].iter().zip(&moves[range]) {
             let [found, expected] =
                 [&near, &all].map(|receivers| model.partial_outcome(born, moved.clone(), receivers, at));
             assert_eq!(found, expected);
-            arrived += usize::from(matches!(found.fate, Fate::Arrived { .. }));
+            arrived += usize::from(matches!(found.end_state, EndState::Arrived { .. }));
         }
     }
     assert!(first == 10_000 && arrived > 100 && left_out > 100_000, "{arrived} arrived, {left_out} left out");

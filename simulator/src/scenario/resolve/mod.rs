@@ -23,7 +23,7 @@ use crate::model::membrane::{Membrane, MembraneSurface};
 use crate::model::transmitter::Schedule;
 use crate::model::{Contact, Model, Species};
 
-pub(super) struct Resolved {
+pub(super) struct ResolvedScenario {
     pub(super) model: Model,
     pub(super) steps: u32,
     pub(super) seed: u64,
@@ -32,7 +32,7 @@ pub(super) struct Resolved {
 }
 
 /// Resolves a scenario file. Files that it names are relative to `directory`.
-pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem> {
+pub(super) fn resolve(file: File, directory: &Path) -> Result<ResolvedScenario, Problem> {
     if let Some(sweep) = &file.sweep {
         let message = "the file describes several scenarios; run them with `lazygrid simulate`, or use the scenario.toml of one point";
         return Err(Problem {
@@ -163,7 +163,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         arrow: false,
         animation: None,
     };
-    Ok(Resolved { model, steps: file.steps, seed: file.seed, output, warnings })
+    Ok(ResolvedScenario { model, steps: file.steps, seed: file.seed, output, warnings })
 }
 
 fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {

@@ -1,5 +1,5 @@
 use super::below;
-use super::gaps::{Wall, absorbing_walls, takes};
+use super::gaps::{Wall, absorbing_walls, absorbs_species};
 use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
 use crate::model::{Model, Species};
@@ -43,7 +43,7 @@ pub(in crate::scenario) fn long_step_to_absorber(model: &Model, species: usize) 
 
 /// Returns the longest √(2DΔt) in µm at a sphere that an absorbing wall cuts.
 fn at_wall(receiver: &Receiver, walls: &[Wall], species: usize) -> Option<(f64, String)> {
-    let is_cut = takes(receiver, species) && walls.iter().any(|wall| wall.cuts(receiver));
+    let is_cut = absorbs_species(receiver, species) && walls.iter().any(|wall| wall.cuts(receiver));
     let radius = f64::from(receiver.radius);
     is_cut.then(|| {
         (LONG_AT_WALL * radius, format!("a sphere of radius {radius} µm that an absorbing wall cuts"))

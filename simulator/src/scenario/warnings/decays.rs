@@ -15,7 +15,7 @@ const FAST_DECAY: f64 = 0.02;
 
 /// Returns a warning for the fastest decay of each species, indexed by decay.
 pub(in crate::scenario) fn fast_decays(model: &Model) -> Vec<Option<String>> {
-    let lives = Lives::new(model);
+    let lives = SpeciesTiming::new(model);
     let mut messages = vec![None; model.decays.len()];
     for (species, fastest) in fastest_decays(model).into_iter().enumerate() {
         if let Some((index, rate)) = fastest {
@@ -40,14 +40,14 @@ fn fastest_decays(model: &Model) -> Vec<Option<(usize, f64)>> {
 }
 
 /// The ends and beginnings of particles, indexed by species.
-struct Lives {
+struct SpeciesTiming {
     /// Formed or dissociating at the end of a step, and counted from there.
     is_late: Vec<bool>,
     /// Reactants of pairs whose number at the ends of steps is lower than that of all in the step.
     is_early: Vec<bool>,
 }
 
-impl Lives {
+impl SpeciesTiming {
     fn new(model: &Model) -> Self {
         let none = || vec![false; model.species.len()];
         let dissociates = dissociating(model);

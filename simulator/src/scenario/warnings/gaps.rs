@@ -79,12 +79,12 @@ fn is_surface(receiver: &Receiver) -> bool {
     receiver.radius > 0.0 && (receiver.kind == ReceiverKind::Absorbing || receiver.kind.reflects())
 }
 
-pub(super) fn takes(receiver: &Receiver, species: usize) -> bool {
+pub(super) fn absorbs_species(receiver: &Receiver, species: usize) -> bool {
     receiver.sees[species] && (receiver.kind.absorbs() || receiver.binds(species))
 }
 
 fn gap_between(model: &Model, [(k, a), (l, b)]: [(usize, &Receiver); 2], species: usize) -> Option<Gap> {
-    let meet = !a.moves() && !b.moves() && (takes(a, species) || takes(b, species));
+    let meet = !a.moves() && !b.moves() && (absorbs_species(a, species) || absorbs_species(b, species));
     let length = f64::from(signed_distance(a.radius + b.radius, a.center, &model.boundary, b.center));
     let least = CONTACT_GAP * f64::from(a.radius.min(b.radius));
     (meet && length > least).then(|| Gap {
@@ -96,7 +96,7 @@ fn gap_between(model: &Model, [(k, a), (l, b)]: [(usize, &Receiver); 2], species
 
 fn gap_to_image(model: &Model, (k, receiver): (usize, &Receiver), species: usize) -> Option<Gap> {
     let length = f64::from(model.boundary.shortest_period()?) - 2.0 * f64::from(receiver.radius);
-    (takes(receiver, species) && length > CONTACT_GAP * f64::from(receiver.radius)).then(|| Gap {
+    (absorbs_species(receiver, species) && length > CONTACT_GAP * f64::from(receiver.radius)).then(|| Gap {
         length,
         diffusion: model.species[species].diffusion + receiver.diffusion,
         between: [Surface::Receiver(k), Surface::Image],
@@ -157,7 +157,7 @@ fn gap_to_wall(
 ) -> Option<Gap> {
     let radius = f64::from(receiver.radius);
     let length = f64::from(wall.height(receiver.center)?) - radius;
-    let meet = !receiver.moves() && (takes(receiver, species) || wall.absorbs);
+    let meet = !receiver.moves() && (absorbs_species(receiver, species) || wall.absorbs);
     (meet && length > CONTACT_GAP * radius).then_some(Gap {
         length,
         diffusion: one.diffusion,

@@ -2,7 +2,7 @@ use std::error::Error;
 
 use lazygrid_report::plot::{PlotPoint, Series};
 use lazygrid_report::{Cell, Note, Scale, Section, Table};
-use lazygrid_results::bit_errors::{BitErrors, Detector};
+use lazygrid_results::bit_errors::{BitErrors, SymbolDetector};
 use lazygrid_results::channel::{Channels, spaced};
 use lazygrid_sim::Model;
 
@@ -35,7 +35,7 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
         let points = all.iter().map(point).collect();
         by_delay.push(Series { name: name.clone(), points, dashed: false, color });
         section.tables.push(table_by_delay(all, &name, model));
-        if (all[0].thresholds(), all[0].detector) == (1, Detector::Arrivals) {
+        if (all[0].thresholds(), all[0].detector) == (1, SymbolDetector::Arrivals) {
             for errors in shown(all) {
                 let mut name = name.clone();
                 if errors.delay > 0 {

@@ -7,7 +7,7 @@ use crate::motion::species_step::SpeciesStep;
 use crate::motion::vessel_flow::{FlowStep, StepDrift, StepTime};
 
 /// Bounds of a species' displacement in a step apart from diffusion, in µm.
-struct Carried {
+struct PathBounds {
     radius: f32,
     /// Plug flow and drift.
     drift: [f32; 3],
@@ -36,7 +36,7 @@ const MAX_LINE_SEGMENTS: usize = 3000;
 /// Reflections of a line in a vessel, followed twice, with a segment between any two.
 const VESSEL_ITERATIONS: usize = 200;
 
-impl Carried {
+impl PathBounds {
     /// Returns one bound, or two with a pulse, which bound all its fractions.
     fn all(model: &Model, steps: &[SpeciesStep], species: usize) -> Vec<Self> {
         let flow_fractions = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
@@ -70,10 +70,10 @@ impl Carried {
     }
 
     fn length(&self) -> f32 {
-        length(self.drift) + self.carried()
+        length(self.drift) + self.undirected_length()
     }
 
-    fn carried(&self) -> f32 {
+    fn undirected_length(&self) -> f32 {
         length(self.field) + self.flow.abs() + self.own_displacement
     }
 
@@ -88,7 +88,7 @@ impl Carried {
         let across = |k: usize| vessel.is_some_and(|vessel| vessel.along != Some(k));
         let has_corners = (0..3).any(|k| across(k) && (self.drift[k] != 0.0 || self.along(k, model) > 0.0));
         if diffusion > 0.0 {
-            let moved = length(relative) + self.carried();
+            let moved = length(relative) + self.undirected_length();
             let narrow = vessel.filter(|_| has_corners).map_or(f32::INFINITY, |vessel| vessel.radius);
             let passages = 1 + images + (moved / narrow).min(MAX_LINE_SEGMENTS as f32) as usize;
             let corners = if has_corners { VESSEL_ITERATIONS } else { 0 };
@@ -137,8 +137,8 @@ pub(super) fn long_path_iterations(model: &Model) -> usize {
         _ => receiver.kind.reflects() && receiver.kind.absorbs(),
     };
     let of_species = |species: usize| -> usize {
-        let carried = Carried::all(model, &steps, species);
-        let most = |receiver: &Receiver| carried.iter().map(|one| one.iterations_at(receiver, model)).max();
+        let bounds = PathBounds::all(model, &steps, species);
+        let most = |receiver: &Receiver| bounds.iter().map(|one| one.iterations_at(receiver, model)).max();
         let seen = || model.receivers.iter().filter(follows_path).filter(|receiver| receiver.sees[species]);
         match seen().filter_map(most).sum() {
             0 => 0,
@@ -152,6 +152,6 @@ pub(super) fn long_path_iterations(model: &Model) -> usize {
 /// Bounds the displacement of all but one in ten million particles.
 pub(super) fn search_distance(model: &Model, steps: &[SpeciesStep], species: usize) -> f32 {
     let step = &steps[species];
-    let longest = Carried::all(model, steps, species).iter().map(Carried::length).fold(0.0, f32::max);
+    let longest = PathBounds::all(model, steps, species).iter().map(PathBounds::length).fold(0.0, f32::max);
     1.01 * (6.0 * step.length + longest) + step.bend
 }
