@@ -222,8 +222,8 @@ mod tests {
                         let ticks = ticks(&range, quantity, space);
                         assert!(ticks.len() >= 2 && space.holds(&ticks, &range, quantity), "{range:?}");
                         for &tick in ticks.iter().filter(|_| quantity == Quantity::Number) {
-                            let said: f64 = quantity.label(tick).parse().unwrap();
-                            assert!((said / tick - 1.0).abs() < 1e-9, "{said} at {tick}");
+                            let labeled: f64 = quantity.label(tick).parse().unwrap();
+                            assert!((labeled / tick - 1.0).abs() < 1e-9, "{labeled} at {tick}");
                         }
                         let mut labels: Vec<String> = ticks.iter().map(|&t| quantity.label(t)).collect();
                         labels.dedup();

@@ -67,9 +67,9 @@ impl<W> DigestWriter<W> {
 
 impl<W: Write> Write for DigestWriter<W> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let taken = self.inner.write(bytes)?;
-        self.digest.add(&bytes[..taken]);
-        Ok(taken)
+        let written = self.inner.write(bytes)?;
+        self.digest.add(&bytes[..written]);
+        Ok(written)
     }
 
     fn flush(&mut self) -> io::Result<()> {

@@ -194,7 +194,7 @@ impl BitErrors {
     }
 
     /// Returns the largest observed quantity, if thresholds decide.
-    pub fn most(&self) -> u64 {
+    pub fn max_seen(&self) -> u64 {
         self.slots.iter().flatten().map(|slot| slot.seen).max().unwrap_or(0)
     }
 
@@ -227,10 +227,10 @@ impl BitErrors {
             slots.iter().map(|slot| wrong_bits(slot.sent, symbols[level])).sum()
         };
         for k in (0..numbers.len()).rev() {
-            let mut least = u64::MAX;
+            let mut fewest_errors = u64::MAX;
             for level in (0..symbols.len()).rev() {
-                least = least.min(errors(numbers[k], level) + fewest[k + 1][level]);
-                fewest[k][level] = least;
+                fewest_errors = fewest_errors.min(errors(numbers[k], level) + fewest[k + 1][level]);
+                fewest[k][level] = fewest_errors;
             }
         }
         let (mut thresholds, mut now) = (Vec::new(), 0);
@@ -260,13 +260,13 @@ impl BitErrors {
     }
 
     /// Returns the lowest bit error rate, or NaN without bits.
-    pub fn least(&self) -> f64 {
+    pub fn lowest_rate(&self) -> f64 {
         self.at(&self.best()).1 as f64 / self.bits as f64
     }
 }
 
-fn wrong_bits(sent: u32, taken: u32) -> u64 {
-    (sent ^ taken).count_ones().into()
+fn wrong_bits(sent: u32, decided: u32) -> u64 {
+    (sent ^ decided).count_ones().into()
 }
 
 #[cfg(test)]

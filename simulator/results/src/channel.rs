@@ -68,12 +68,13 @@ impl Channels {
                 |message| (message.symbol_time / model.time_step / BINS_PER_SYMBOL).round() as u32,
             );
             let width = width.max(1);
-            let most = if message.is_some() { MAX_SYMBOLS * BINS_PER_SYMBOL as usize } else { BINS as usize };
+            let max_bins =
+                if message.is_some() { MAX_SYMBOLS * BINS_PER_SYMBOL as usize } else { BINS as usize };
             channels.responses.push(Response::new(
                 link,
                 link.source(model),
                 width,
-                most.min((steps / width) as usize),
+                max_bins.min((steps / width) as usize),
             ));
             if message.is_some() {
                 channels.interference.push(Interference::new(link, link.source(model), MAX_SYMBOLS));
@@ -141,7 +142,7 @@ impl Channels {
         };
         self.bit_errors
             .chunk_by(is_same_link)
-            .filter_map(|all| all.iter().min_by(|a, b| a.least().total_cmp(&b.least())))
+            .filter_map(|all| all.iter().min_by(|a, b| a.lowest_rate().total_cmp(&b.lowest_rate())))
     }
 
     /// Writes the fraction of particles that arrives, or is inside, in each bin after the release.

@@ -44,9 +44,9 @@ pub(super) fn filled<T: ShaderType + WriteInto>(
     contents: &T,
 ) -> Result<wgpu::Buffer, Error> {
     let bytes = encoded(contents);
-    let made = buffer(gpu, name, bytes.len() as u64)?;
-    with_error_scope(gpu, name, 0, || gpu.queue.write_buffer(&made, 0, &bytes))?;
-    Ok(made)
+    let created = buffer(gpu, name, bytes.len() as u64)?;
+    with_error_scope(gpu, name, 0, || gpu.queue.write_buffer(&created, 0, &bytes))?;
+    Ok(created)
 }
 
 pub(super) fn read(

@@ -65,7 +65,7 @@ impl RunBuffers {
     pub(super) fn new(gpu: GpuDevice, tables: &Tables, lists: usize) -> Result<Self, Error> {
         let tallies = tables.tallies.len() as u64;
         let mut buffers = HashMap::new();
-        let mut keep = |name, made: wgpu::Buffer| drop(buffers.insert(name, made));
+        let mut keep = |name, buffer: wgpu::Buffer| drop(buffers.insert(name, buffer));
         keep("params", filled(&gpu, "params", &tables.params)?);
         keep("species_rows", filled(&gpu, "species_rows", &tables.species_rows)?);
         keep("event_rows", filled(&gpu, "event_rows", &tables.event_rows)?);
@@ -153,9 +153,9 @@ impl RunBuffers {
             let accesses = kernel.bindings.iter().map(|&(_, access)| access);
             // SAFETY: the kernel is one of this crate, and `kernels/tests/loops.rs` checks that each loop of its text
             // ends.
-            let made = unsafe { self.gpu.compile(kernel.name, accesses, kernel.wgsl(self.variant)) }
+            let pipeline = unsafe { self.gpu.compile(kernel.name, accesses, kernel.wgsl(self.variant)) }
                 .map_err(refused)?;
-            self.pipelines.insert(kernel.name, made);
+            self.pipelines.insert(kernel.name, pipeline);
         }
         let (pipeline, layout) = self.pipelines[kernel.name].clone();
         let buffers: Vec<_> = kernel.bindings.iter().map(|&(name, _)| find(name)).collect();

@@ -58,25 +58,25 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     let ligands = model.receptor_types().map(|kind| kind.ligands.len()).sum::<usize>();
     let seen = model.receivers.iter().flat_map(|r| &r.sees).filter(|sees| **sees).count() + ligands;
     let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
-    let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
+    let max_seen = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
     let visits = seen.max(model.receivers.len());
-    if visits > most {
+    if visits > max_seen {
         let what = format!(
-            "{visits} counts of a receiver and a species, beyond {most}; use fewer receivers, or let them see fewer species"
+            "{visits} counts of a receiver and a species, beyond {max_seen}; use fewer receivers, or let them see fewer species"
         );
         return Err(Error::NotOnGpu { what });
     }
     let paths = long_path_iterations(model);
-    if visits + paths > most {
+    if visits + paths > max_seen {
         let what = format!(
             "paths that drift past receivers within a step, with {paths} loop iterations, beyond {}; use fewer receivers, or, \
              if particles diffuse, shorten the time step until drift, flow and velocity move none by a sixteenth of a receiver's \
              radius",
-            most - visits
+            max_seen - visits
         );
         return Err(Error::NotOnGpu { what });
     }
-    check_membranes(model, visits, most - paths)
+    check_membranes(model, visits, max_seen - paths)
 }
 
 /// Maximum loop iterations per membrane in a step of 64 passages: per spherical one in periodic space and otherwise,
@@ -87,17 +87,17 @@ const MEMBRANE_ITERATIONS: [usize; 3] = [660, 210, 8];
 const AXES: usize = 3;
 
 /// For each of `visits` receivers, loops over planes and spheres find if a membrane separates it.
-fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Error> {
+fn check_membranes(model: &Model, visits: usize, limit: usize) -> Result<(), Error> {
     let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));
     for (id, species) in model.species.iter().enumerate() {
         let rows = MembraneRows::new(model, id);
         let (planes, spheres) = rows.counts();
         let substeps = AXES * rows.max_substeps() * (2 * planes + 1);
         let iterations = membrane_iterations((planes, spheres), visits, repeats) + substeps;
-        if iterations > most || spheres > MAX_SPHERES {
+        if iterations > limit || spheres > MAX_SPHERES {
             let what = format!(
                 "{spheres} spherical and {planes} plane membranes with images that hold back {}, beyond {MAX_SPHERES} spheres or, \
-                 with {visits} visits of receivers, {most} loop iterations ({iterations} needed); use fewer membranes or receivers",
+                 with {visits} visits of receivers, {limit} loop iterations ({iterations} needed); use fewer membranes or receivers",
                 species.name
             );
             return Err(Error::NotOnGpu { what });

@@ -138,9 +138,10 @@ pub(super) fn long_path_iterations(model: &Model) -> usize {
     };
     let of_species = |species: usize| -> usize {
         let bounds = PathBounds::all(model, &steps, species);
-        let most = |receiver: &Receiver| bounds.iter().map(|one| one.iterations_at(receiver, model)).max();
+        let max_iterations =
+            |receiver: &Receiver| bounds.iter().map(|one| one.iterations_at(receiver, model)).max();
         let seen = || model.receivers.iter().filter(follows_path).filter(|receiver| receiver.sees[species]);
-        match seen().filter_map(most).sum() {
+        match seen().filter_map(max_iterations).sum() {
             0 => 0,
             // Lines to the other receivers have one segment.
             iterations => iterations + seen().count(),

@@ -93,11 +93,11 @@ impl Sizes {
     }
 
     pub(super) fn round_groups(self) -> u32 {
-        let least = self.pairs.div_ceil(WORKGROUP_SIZE * CANDIDATES_PER_THREAD).max(1);
+        let min_groups = self.pairs.div_ceil(WORKGROUP_SIZE * CANDIDATES_PER_THREAD).max(1);
         self.particles
             .div_ceil(WORKGROUP_SIZE)
             .min(self.pairs.div_ceil(WORKGROUP_SIZE))
-            .clamp(least, ROUND_GROUPS.max(least))
+            .clamp(min_groups, ROUND_GROUPS.max(min_groups))
     }
 }
 

@@ -40,8 +40,9 @@ impl ReceiverCellsBuilder {
     pub(super) fn new(species_rows: &[SpeciesRow], event_rows: &[EventRow], boundary: Boundary) -> Self {
         let species_rows: Vec<SpeciesRow> =
             species_rows.iter().filter(|kind| kind.cell_lists != NOTHING).copied().collect();
-        let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
-        let max_cells = (CELL_LIMITS[0] * most as usize).min(CELL_LIMITS[1]);
+        let max_receivers =
+            species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
+        let max_cells = (CELL_LIMITS[0] * max_receivers as usize).min(CELL_LIMITS[1]);
         Self { species_rows, event_rows: event_rows.to_vec(), boundary, max_cells }
     }
 
@@ -99,10 +100,10 @@ impl ReceiverCellsBuilder {
         let mut detector = finder(&self.boundary)?;
         let cells = around[0].len();
         let mut words = vec![0; self.species_rows.len() * (cells + 1)];
-        let most = words.len() + ENTRIES_PER_RECEIVER * self.receivers();
+        let max_words = words.len() + ENTRIES_PER_RECEIVER * self.receivers();
         for (k, (kind, sets)) in self.species_rows.iter().zip(around.iter().zip(receivers)).enumerate() {
             let found = detector.count(sets)?;
-            if words.len() as u64 + found > most as u64 {
+            if words.len() as u64 + found > max_words as u64 {
                 return Ok(None);
             }
             let near = detector.neighbors(sets)?;
@@ -131,7 +132,7 @@ impl Cells {
         receivers: impl Iterator<Item = &'a Sphere>,
         search_distance: f32,
         boundary: &Boundary,
-        most: usize,
+        max_cells: usize,
     ) -> Self {
         let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
         for Sphere { center, radius } in receivers {
@@ -153,14 +154,15 @@ impl Cells {
         }
         let length: [f64; 3] = std::array::from_fn(|k| high[k] - low[k]);
         // Narrower cells would hardly shorten the lists.
-        let least = 0.5 * f64::from(search_distance);
-        let mut cell_size = (length.iter().product::<f64>() / most.max(1) as f64).cbrt().max(least);
+        let min_cell_size = 0.5 * f64::from(search_distance);
+        let mut cell_size =
+            (length.iter().product::<f64>() / max_cells.max(1) as f64).cbrt().max(min_cell_size);
         loop {
             let cells = length.map(|length| (length / cell_size).ceil().max(1.0));
-            if cells.iter().product::<f64>() <= 2.0 * most as f64 {
+            if cells.iter().product::<f64>() <= 2.0 * max_cells as f64 {
                 break Self { low, length, cells: cells.map(|count| count as u32) };
             }
-            if most <= 1 {
+            if max_cells <= 1 {
                 break Self { low, length, cells: [1; 3] };
             }
             cell_size *= 1.25;

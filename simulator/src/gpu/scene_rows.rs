@@ -76,11 +76,11 @@ impl SceneRows {
             let remedy = "use a coarser flow field, or fewer receivers or membranes, or choose the CPU";
             return Err(refused(lazygrid::Error::LimitExceeded { what, needed, limit, remedy }));
         }
-        let made = buffer(gpu, "scene_rows", needed)?;
+        let rows_buffer = buffer(gpu, "scene_rows", needed)?;
         let velocities = self.field.iter().flat_map(|field| field.velocities().chunks(POINTS_PER_UPLOAD));
         let mut at = ROW_BYTES * self.receivers as u64;
         with_error_scope(gpu, "membranes", 0, || {
-            gpu.queue.write_buffer(&made, at, bytemuck::cast_slice(&self.membranes));
+            gpu.queue.write_buffer(&rows_buffer, at, bytemuck::cast_slice(&self.membranes));
         })?;
         at += ROW_BYTES * self.membranes.len() as u64;
         for (number, chunk) in velocities.enumerate() {
@@ -90,10 +90,10 @@ impl SceneRows {
             }
             let rows: Vec<[f32; 4]> = chunk.iter().map(|&[u, v, w]| [u, v, w, 0.0]).collect();
             with_error_scope(gpu, "the flow field", 0, || {
-                gpu.queue.write_buffer(&made, at, bytemuck::cast_slice(&rows));
+                gpu.queue.write_buffer(&rows_buffer, at, bytemuck::cast_slice(&rows));
             })?;
             at += ROW_BYTES * rows.len() as u64;
         }
-        Ok(made)
+        Ok(rows_buffer)
     }
 }

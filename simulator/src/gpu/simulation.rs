@@ -250,18 +250,18 @@ impl GpuSimulation {
     }
 
     /// Reads back, but does not record the results.
-    fn run_batch(&mut self, most: u32) -> Result<(Readback, Vec<Burst>), Error> {
-        let most = most.min(max_steps(&self.model)).min(self.steps_per_readback());
-        let most = self.steps_of_flow(most);
-        let bursts = self.bursts(most)?;
+    fn run_batch(&mut self, step_limit: u32) -> Result<(Readback, Vec<Burst>), Error> {
+        let step_limit = step_limit.min(max_steps(&self.model)).min(self.steps_per_readback());
+        let step_limit = self.steps_of_flow(step_limit);
+        let bursts = self.bursts(step_limit)?;
         // Dissociations change the ids of later releases.
-        let most = match bursts.first() {
+        let step_limit = match bursts.first() {
             Some(burst) if self.tables.dissociates() => burst.step - self.step,
-            _ => most,
+            _ => step_limit,
         };
         self.reserve_for(&bursts)?;
         // More capacity leaves fewer steps until a tally may overflow.
-        let read = self.submit(most.min(self.steps_per_readback()), &bursts)?;
+        let read = self.submit(step_limit.min(self.steps_per_readback()), &bursts)?;
         Ok((read, bursts))
     }
 
@@ -280,8 +280,8 @@ impl GpuSimulation {
     }
 
     fn steps_per_readback(&self) -> u32 {
-        let most = steps_per_readback(self.steps.sizes.particles, self.tables.max_counts);
-        if self.steps.sizes.near > 0 { most.min(MAX_STEPS_WITH_COLLISIONS) } else { most }
+        let step_limit = steps_per_readback(self.steps.sizes.particles, self.tables.max_counts);
+        if self.steps.sizes.near > 0 { step_limit.min(MAX_STEPS_WITH_COLLISIONS) } else { step_limit }
     }
 
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<Readback, Error> {

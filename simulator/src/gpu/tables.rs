@@ -49,8 +49,8 @@ const BOUNCES: u32 = 64;
 /// Bounds the searches of a particle in a step: moving surfaces may push it out of the searched region. `paths` are the
 /// iterations of its hits.
 fn max_requeries(species_rows: &[SpeciesRow], paths: u32) -> u32 {
-    let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
-    let per_search = most + ITERATIONS_PER_SEARCH;
+    let receivers = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
+    let per_search = receivers + ITERATIONS_PER_SEARCH;
     (REFLECTION_ITERATIONS.saturating_sub(per_search + paths) / per_search).clamp(1, BOUNCES)
 }
 

@@ -213,7 +213,7 @@ mod tests {
         ];
         for attractant in profiles.map(attractant) {
             let boundary = Boundary::periodic([-10.0; 3], [10.0; 3]);
-            let [most, saturated] = [None, Some(2.0)].map(|k| attractant.steepest(k));
+            let [unsaturated, saturated] = [None, Some(2.0)].map(|k| attractant.steepest(k));
             for point in [[2.0, -1.0, 0.0], [-8.0, -2.5, 1.0], [1.25, -1.5, 0.75], [1.0, -2.0, 0.625]] {
                 let (c, gradient) = attractant.at(point, &boundary);
                 for axis in 0..3 {
@@ -226,7 +226,7 @@ mod tests {
                     assert!((slope - gradient[axis]).abs() < 2e-3, "{attractant:?}: {slope}, {gradient:?}");
                 }
                 let length = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
-                assert!(length <= most * (1.0 + 1e-9), "{attractant:?}: {length}");
+                assert!(length <= unsaturated * (1.0 + 1e-9), "{attractant:?}: {length}");
                 let response = length * 2.0 / ((2.0 + c) * (2.0 + c));
                 assert!(response <= saturated * (1.0 + 1e-9), "{attractant:?}: {response}");
             }

@@ -66,8 +66,8 @@ impl FlowField {
 
     fn measure(&mut self) {
         for velocity in self.velocities.chunks_exact(3) {
-            for (most, &v) in self.fastest.iter_mut().zip(velocity) {
-                *most = most.max(f64::from(v).abs());
+            for (fastest, &v) in self.fastest.iter_mut().zip(velocity) {
+                *fastest = fastest.max(f64::from(v).abs());
             }
         }
         let [_, ny, nz] = self.points;
@@ -76,8 +76,8 @@ impl FlowField {
             let is_last = |at: usize| at / stride % self.points[axis] == self.points[axis] - 1;
             let ends = (0..self.velocities.len()).filter(|&at| !is_last(at));
             let change = |at: usize| f64::from(self.velocities[at + stride]) - f64::from(self.velocities[at]);
-            let most = ends.map(|at| change(at).abs()).fold(0.0, f64::max);
-            self.steepest = self.steepest.max(most / self.spacing[axis]);
+            let max_change = ends.map(|at| change(at).abs()).fold(0.0, f64::max);
+            self.steepest = self.steepest.max(max_change / self.spacing[axis]);
         }
     }
 

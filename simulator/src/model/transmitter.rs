@@ -92,8 +92,8 @@ impl Transmitter {
         let Schedule::Times(times) = &self.schedule else { return 0 };
         let steps = times.chunk_by(|&a, &b| step_of(a, time_step) == step_of(b, time_step));
         let released = steps.filter(|times| step_of(times[0], time_step).is_some());
-        let most = released.map(<[f64]>::len).max().unwrap_or(0);
-        (most.saturating_sub(1) as u64).saturating_mul(self.release.len() as u64)
+        let max_repeats = released.map(<[f64]>::len).max().unwrap_or(0);
+        (max_repeats.saturating_sub(1) as u64).saturating_mul(self.release.len() as u64)
     }
 
     pub fn species(&self) -> impl Iterator<Item = u32> {

@@ -100,13 +100,13 @@ impl Step {
     /// Draws a height after desorption, distributed as the heights before adsorption.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
-        let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);
+        let max_density = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);
         let mut height = 0.0;
         for _ in 0..TRIALS {
             let [y, u] = [half_normal(draws), draws.unit()];
             height = y * scale;
             let density = self.taken_from(y) * (1.0 + height / self.radius);
-            if y < FAR && u * most < density {
+            if y < FAR && u * max_density < density {
                 break;
             }
         }

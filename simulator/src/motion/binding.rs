@@ -199,7 +199,7 @@ mod tests {
             ..Model::default()
         };
         let mut through = Simulation::new(model.clone(), 3, Algorithm::Auto).unwrap();
-        let mut most = 0;
+        let mut max_bound = 0;
         for _ in 0..60 {
             through.step().unwrap();
             let State { particles, bound, totals, .. } = through.state();
@@ -207,9 +207,9 @@ mod tests {
             assert_eq!(totals.arrived.iter().map(|row| row[0]).sum::<u64>(), bound.len() as u64);
             assert_eq!(totals.present, [particles.len() as u64]);
             assert!(totals.arrived.iter().all(|row| row[0] <= 3), "{:?}", totals.arrived);
-            most = most.max(bound.len());
+            max_bound = max_bound.max(bound.len());
         }
-        assert_eq!(most, 6);
+        assert_eq!(max_bound, 6);
         let bytes = postcard::to_allocvec(through.state()).unwrap();
         let state: State = postcard::from_bytes(&bytes).unwrap();
         assert!(state.centers != [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]] && !state.bound.is_empty());

@@ -292,7 +292,7 @@ impl Propagator {
         let failed = |source| Error::Step { step, source };
         let found = receiver_search.find(begins, &self.surfaces.active_receivers).map_err(failed)?;
         let resolve = |(k, moved): (usize, &mut ParticleMove)| {
-            let (mut events, begun) = (Vec::new(), *moved);
+            let (mut events, unresolved) = (Vec::new(), *moved);
             let search_radius = around_beginning(moved);
             let (near, ball) =
                 found.receivers_near(k, search_radius, (&self.surfaces.active_receivers, &self.whole));
@@ -302,7 +302,7 @@ impl Propagator {
                 &mut events,
             );
             if self.margin(moved) + moved.path_length > search_radius * (1.0 + PATH_ROUNDING) {
-                *moved = begun;
+                *moved = unresolved;
                 events.clear();
                 self.resolve_events(moved, self.surfaces.active_receivers.all.iter(), &mut events);
             }

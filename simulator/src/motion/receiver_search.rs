@@ -149,12 +149,12 @@ impl ReceiverSearch {
         let near = detector.neighbors((&*queries, &*receivers))?;
         let found: usize = (0..near.len()).map(|k| near.neighbors_of(k).len()).sum();
         cost.add([queries.len(), found], clear_spheres.len() * receivers.len());
-        let [_, least, most] = RADIUS_FACTORS;
+        let [_, min_factor, max_factor] = RADIUS_FACTORS;
         // A search of few particles does not predict the next one.
         if found > FOUND_PER_QUERY[1] * queries.len().max(16) {
-            *factor = (*factor / 1.5).max(least);
+            *factor = (*factor / 1.5).max(min_factor);
         } else if found < FOUND_PER_QUERY[0] * queries.len() {
-            *factor = (*factor * 1.5).min(most);
+            *factor = (*factor * 1.5).min(max_factor);
         }
         Ok(NearbyReceivers { near, queries, traveled: *traveled })
     }

@@ -38,7 +38,7 @@ impl RequestCounts {
             let counts = self.0.get(first[k] as usize..first[k + 1] as usize).unwrap_or_default();
             counts.iter().fold([0; 2], |sum, counts| [sum[0] + counts[0], sum[1] + counts[1]])
         };
-        let said = |(k, receiver): (usize, &crate::Receiver)| {
+        let warning = |(k, receiver): (usize, &crate::Receiver)| {
             let [all, refused] = receiver_counts(k);
             let fraction = refused as f64 / all as f64;
             (fraction > MAX_REFUSED_FRACTION && refused >= MIN_REFUSED_COUNT).then(|| {
@@ -53,7 +53,7 @@ impl RequestCounts {
                 )
             })
         };
-        model.receivers.iter().enumerate().filter_map(said).collect()
+        model.receivers.iter().enumerate().filter_map(warning).collect()
     }
 }
 
@@ -88,11 +88,14 @@ pub(crate) mod tests {
             (0..steps).for_each(|_| simulation.step().unwrap());
             simulation.requests.warnings(&model)
         };
-        let [said] = &warnings(0.004, 4000)[..] else { panic!("no warning") };
-        assert!(said.starts_with("rx: ") && said.contains("of the requests for its receptors"), "{said}");
-        let fraction = said.split(' ').nth(1).and_then(|fraction| fraction.parse::<f64>().ok()).unwrap();
+        let [message] = &warnings(0.004, 4000)[..] else { panic!("no warning") };
+        assert!(
+            message.starts_with("rx: ") && message.contains("of the requests for its receptors"),
+            "{message}"
+        );
+        let fraction = message.split(' ').nth(1).and_then(|fraction| fraction.parse::<f64>().ok()).unwrap();
         // 1 − (1 − exp(−x))/x with x = 0.2, less by the depletion at the surface.
-        assert!((5.0..12.0).contains(&fraction), "{said}");
+        assert!((5.0..12.0).contains(&fraction), "{message}");
         assert_eq!(warnings(0.0001, 4000), [""; 0]);
     }
 }

@@ -68,8 +68,8 @@ fn concentration(decay: f64) -> f64 {
 
 /// Returns 1 − w for a uniform number, without cancellation.
 fn gap(concentration: f64, uniform: f64) -> f64 {
-    let least = libm::expm1(-2.0 * concentration);
-    (-libm::log1p((1.0 - uniform) * least) / concentration).clamp(0.0, 2.0)
+    let min_ratio = libm::expm1(-2.0 * concentration);
+    (-libm::log1p((1.0 - uniform) * min_ratio) / concentration).clamp(0.0, 2.0)
 }
 
 /// Turns a direction by the angle with the cosine 1 − `gap`, towards an azimuth.

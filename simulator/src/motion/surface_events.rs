@@ -160,13 +160,13 @@ fn reflect_or_keep<'a>(
     let mut first = FirstHit::default();
     for state in near.into_iter().filter(|state| state.receiver.kind != ReceiverKind::Reflecting) {
         // The path to the first reflecting surface is the original one.
-        let taken = match &reflected {
+        let free_path = match &reflected {
             Some(ReflectedPath { first, path, .. }) if *first != state.index => path,
             _ => &path,
         };
-        let Some(hit) = hits(state, domain, taken, context) else { continue };
+        let Some(hit) = hits(state, domain, free_path, context) else { continue };
         let event = match reflects(state) {
-            true => adsorb(moved, state, (domain, taken, duration)),
+            true => adsorb(moved, state, (domain, free_path, duration)),
             false => Some(Event::Arrived { at, receiver: state.index }),
         };
         if let Some(event) = event {

@@ -188,7 +188,7 @@ mod tests {
         let n = 40_000_u32;
         for height in [0.3_f32, 1.0, 2.5] {
             let context = |id| DrawContext { key: Key::new(7), id, step: 0 };
-            let taken = (0..n).filter(|&id| {
+            let hit_ids = (0..n).filter(|&id| {
                 let z = normals(Key::new(7).draw(id, 0, 0, Purpose::Move));
                 let before = [20.0, height - 1.0, 20.0];
                 let end: [f32; 3] = std::array::from_fn(|k| before[k] + z[k]);
@@ -204,7 +204,7 @@ mod tests {
             });
             let expected = libm::erfc(f64::from(height) / 2.0_f64.sqrt());
             let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
-            let found = taken.count() as f64 / f64::from(n);
+            let found = hit_ids.count() as f64 / f64::from(n);
             assert!((found - expected).abs() < 4.0 * error, "{height}: {found} and {expected}");
         }
     }
@@ -218,7 +218,7 @@ mod tests {
         let n = 40_000_u32;
         for diffusion in [0.02_f32, 0.1, 0.3] {
             let context = |id| DrawContext { key: Key::new(8), id, step: 0 };
-            let taken = (0..n).filter(|&id| {
+            let hit_ids = (0..n).filter(|&id| {
                 let z = normals(Key::new(8).draw(id, 0, 0, Purpose::Move));
                 let before = [1.0, 2.0, 3.0];
                 let end: [f32; 3] = std::array::from_fn(|k| before[k] + (2.0 * diffusion).sqrt() * z[k]);
@@ -231,7 +231,7 @@ mod tests {
             };
             let expected = 1.0 + (1..30).map(mode).sum::<f64>();
             let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
-            let found = taken.count() as f64 / f64::from(n);
+            let found = hit_ids.count() as f64 / f64::from(n);
             assert!((found - expected).abs() < 4.0 * error, "{diffusion}: {found} and {expected}");
         }
     }

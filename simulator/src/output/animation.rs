@@ -61,12 +61,17 @@ pub(crate) fn bytes_of(model: &Model, particles: u64) -> u64 {
         + (CENTER_WORDS * moving_receivers(model).count()) as u64)
 }
 
-pub(crate) fn append(out: &mut impl Write, model: &Model, state: &State, most: NonZeroU32) -> io::Result<()> {
+pub(crate) fn append(
+    out: &mut impl Write,
+    model: &Model,
+    state: &State,
+    max_particles: NonZeroU32,
+) -> io::Result<()> {
     let particles = &state.particles;
     let mut ranks = [0_u64; 33];
     particles.id.iter().for_each(|&id| ranks[mixed(id).leading_zeros() as usize] += 1);
     let drawn = |shift: u32| ranks[shift as usize..].iter().sum::<u64>();
-    let shift = (0..32).find(|&shift| drawn(shift) <= u64::from(most.get())).unwrap_or(32);
+    let shift = (0..32).find(|&shift| drawn(shift) <= u64::from(max_particles.get())).unwrap_or(32);
     let present = particles.len() as u64;
     let receivers = moving_receivers(model).count() as u32;
     let head = [state.step, shift, present as u32, (present >> 32) as u32, drawn(shift) as u32, receivers];
@@ -169,9 +174,9 @@ mod tests {
 
     #[test]
     fn too_many_are_thinned_evenly_and_by_id() {
-        let thinned = |most| {
+        let thinned = |max_particles| {
             let mut file = Vec::new();
-            append(&mut file, &model(), &state(30_000), NonZeroU32::new(most).unwrap()).unwrap();
+            append(&mut file, &model(), &state(30_000), NonZeroU32::new(max_particles).unwrap()).unwrap();
             Frames::new(&file[..]).next().unwrap().unwrap()
         };
         let [half, less] = [thinned(20_000), thinned(5_000)];

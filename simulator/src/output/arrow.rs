@@ -238,11 +238,11 @@ arrivals = true
             let bytes = fs::read(folder.path().join(name)).unwrap();
             assert!(bytes[..2048].windows(ARROW_MARK[1].len()).any(|part| part == ARROW_MARK[1].as_bytes()));
         }
-        for (name, least) in [("arrivals", 200), ("releases", 5)] {
+        for (name, min_rows) in [("arrivals", 200), ("releases", 5)] {
             let expected = table(&format!("{name}.csv"));
             let found = rows(&folder.path().join(format!("{name}.arrow")));
             assert_eq!(found, expected.lines().skip(1).collect::<Vec<_>>(), "{name}");
-            assert!(found.len() >= least, "{} {name}", found.len());
+            assert!(found.len() >= min_rows, "{} {name}", found.len());
         }
         let many: String = (0..BATCH_ROWS + 5).map(|k| format!("{k},0.5,one,B,{k},,\n")).collect();
         let header = table("arrivals.csv").lines().next().unwrap().to_owned();

@@ -6,9 +6,9 @@ use crate::{Model, ReceiverKind, RunView, State};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct DiskEstimate {
     /// Lower bound: particles disappear as soon as they can.
-    pub(crate) least: u64,
+    pub(crate) min_bytes: u64,
     /// Upper bound: particles only decay, at the expected rate.
-    pub(crate) most: u64,
+    pub(crate) max_bytes: u64,
     /// Bounds of the last checkpoint, included in both. The previous one exists until it is complete.
     pub(crate) checkpoint: [u64; 2],
 }
@@ -20,7 +20,11 @@ const COORDINATE_BYTES: f64 = 9.7;
 impl DiskEstimate {
     pub(crate) fn times(self, runs: u32) -> Self {
         let all = |bytes: u64| bytes.saturating_mul(runs.into());
-        Self { least: all(self.least), most: all(self.most), checkpoint: self.checkpoint.map(all) }
+        Self {
+            min_bytes: all(self.min_bytes),
+            max_bytes: all(self.max_bytes),
+            checkpoint: self.checkpoint.map(all),
+        }
     }
 
     pub(crate) fn new(run: &impl RunView, output: Output, steps: u32, scenario: &str) -> Self {
@@ -52,18 +56,18 @@ impl DiskEstimate {
         let fixed = (scenario.len() + totals) as u64 + (rows + symbols) as u64 + frames * header as u64;
         let bytes_per_particle = if model.has_velocity() { 32.0 } else { 20.0 };
         let particles = |count: f64| (count * bytes_per_particle) as u64;
-        let most = fixed + (frames as f64 * frame + animation) as u64 + particles(counts.last);
+        let max_bytes = fixed + (frames as f64 * frame + animation) as u64 + particles(counts.last);
         let checkpoint = scenario.len() as u64 + particles(counts.last);
-        let [least, smallest] =
-            if loses(model) { [fixed, scenario.len() as u64] } else { [most, checkpoint] };
+        let [min_bytes, min_checkpoint] =
+            if loses(model) { [fixed, scenario.len() as u64] } else { [max_bytes, checkpoint] };
         let logs = log_estimate::remaining_bytes(
             model,
             [from, steps],
             [counts.ids, counts.mean.iter().sum()],
             output.every,
         );
-        let most = most.saturating_add(logs as u64);
-        Self { least, most, checkpoint: [smallest, checkpoint] }
+        let max_bytes = max_bytes.saturating_add(logs as u64);
+        Self { min_bytes, max_bytes, checkpoint: [min_checkpoint, checkpoint] }
     }
 }
 
@@ -190,8 +194,8 @@ mod tests {
         .unwrap();
         let files = std::fs::read_dir(&run.directory).unwrap();
         let written = files.map(|file| file.unwrap().metadata().unwrap().len()).sum();
-        let DiskEstimate { least, most, .. } = forecast.unwrap();
-        [least, most, written]
+        let DiskEstimate { min_bytes, max_bytes, .. } = forecast.unwrap();
+        [min_bytes, max_bytes, written]
     }
 
     const CLOUD: &str = "time-step = 0.01\nsteps = 400\n[[species]]\nname = 'A'\nradius = 0.01\ndiffusion = 2\n\
@@ -211,10 +215,13 @@ mod tests {
             ("decay", format!("{decaying}{watched}{frames}['xyz', 'npy']\n")),
             ("symbols", format!("{message}[output]\nevery = 400\n")),
         ] {
-            let [least, most, written] = foretold_and_written(&format!("{CLOUD}{more}"));
-            let ratio = most as f64 / written as f64;
-            assert!((1.0 / 1.5..1.5).contains(&ratio), "{what}: {most} foretold, {written} written");
-            assert!(if what == "decay" { least < written } else { least == most }, "{what}: {least}");
+            let [min_bytes, max_bytes, written] = foretold_and_written(&format!("{CLOUD}{more}"));
+            let ratio = max_bytes as f64 / written as f64;
+            assert!((1.0 / 1.5..1.5).contains(&ratio), "{what}: {max_bytes} foretold, {written} written");
+            assert!(
+                if what == "decay" { min_bytes < written } else { min_bytes == max_bytes },
+                "{what}: {min_bytes}"
+            );
         }
     }
 
@@ -230,9 +237,9 @@ mod tests {
             ("releases", steady.to_owned() + &output(400), 3.0),
             ("occupancy", receiver("transparent") + &output(1), 3.0),
         ] {
-            let [_, most, written] = foretold_and_written(&format!("{CLOUD}{more}"));
-            let ratio = most as f64 / written as f64;
-            assert!((1.0..limit).contains(&ratio), "{what}: {most} foretold, {written} written");
+            let [_, max_bytes, written] = foretold_and_written(&format!("{CLOUD}{more}"));
+            let ratio = max_bytes as f64 / written as f64;
+            assert!((1.0..limit).contains(&ratio), "{what}: {max_bytes} foretold, {written} written");
         }
     }
 
@@ -240,7 +247,10 @@ mod tests {
     fn absorbed_particles_lower_the_estimate() {
         let absorbed = "[[receiver]]\nname = 'rx'\ncenter = [0.5, 0, 0]\nradius = 3\nkind = 'absorbing'\n\
                         [output]\nevery = 100\nframes-every = 10\nframes = ['xyz']\n";
-        let [least, most, written] = foretold_and_written(&format!("{CLOUD}{absorbed}"));
-        assert!(most > 4 * written && least <= written, "{least} to {most} foretold, {written} written");
+        let [min_bytes, max_bytes, written] = foretold_and_written(&format!("{CLOUD}{absorbed}"));
+        assert!(
+            max_bytes > 4 * written && min_bytes <= written,
+            "{min_bytes} to {max_bytes} foretold, {written} written"
+        );
     }
 }

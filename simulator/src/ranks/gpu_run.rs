@@ -41,13 +41,13 @@ impl GpuRun {
     pub(super) fn advance<C: Communicator>(
         &mut self,
         communicator: &mut C,
-        most: u32,
+        max_steps: u32,
         occupied: &[u64],
     ) -> Result<(), C::Error> {
         if self.simulation.has_shared_steps() {
             return self.step(communicator, occupied);
         }
-        agree(communicator, self.simulation.run(most.min(GPU_STEPS)))
+        agree(communicator, self.simulation.run(max_steps.min(GPU_STEPS)))
     }
 
     fn step<C: Communicator>(&mut self, communicator: &mut C, occupied: &[u64]) -> Result<(), C::Error> {

@@ -22,7 +22,7 @@ use crate::reaction::matching::{Key, ReactionCandidate};
 pub(super) struct DistributedMatching {
     best: Vec<Option<Key>>,
     taken: Vec<bool>,
-    touched: Vec<u32>,
+    changed: Vec<u32>,
 }
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -102,7 +102,7 @@ impl DistributedMatching {
                 break;
             }
         }
-        for at in self.touched.drain(..) {
+        for at in self.changed.drain(..) {
             self.taken[at as usize] = false;
         }
         Ok(chosen)
@@ -144,7 +144,7 @@ impl DistributedMatching {
             }
             active.retain(|&c| claimed(c).all(|at| !self.taken[at]));
             chosen.extend(winners);
-            self.touched.iter().for_each(|&at| self.best[at as usize] = None);
+            self.changed.iter().for_each(|&at| self.best[at as usize] = None);
         }
         chosen.sort_unstable();
         Ok(chosen.into_iter().map(|c| candidates[c as usize]).collect())
@@ -153,7 +153,7 @@ impl DistributedMatching {
     fn bid(&mut self, at: usize, key: Key) {
         let best = &mut self.best[at];
         *best = Some(best.map_or(key, |best| best.min(key)));
-        self.touched.push(at as u32);
+        self.changed.push(at as u32);
     }
 
     fn exchange_bids<C: Communicator>(
@@ -174,7 +174,7 @@ impl DistributedMatching {
         let (bids, counts) = send_to_ranks(communicator, "bids of ghosts", bids)?;
         for bid in bids.iter().filter(|bid| bid.takes > 0) {
             self.taken[bid.at as usize] = true;
-            self.touched.push(bid.at);
+            self.changed.push(bid.at);
         }
         for bid in bids.iter().filter(|bid| bid.takes == 0) {
             self.bid(bid.at as usize, bid.key.key());
@@ -219,7 +219,7 @@ mod tests {
         owners: &[u32],
         rank: u32,
     ) -> (Vec<ReactionCandidate>, usize, Ghosts) {
-        let ranks = owners.iter().max().map_or(1, |most| most + 1);
+        let ranks = owners.iter().max().map_or(1, |max_rank| max_rank + 1);
         let index =
             |p: u32| owners[..p as usize].iter().filter(|&&owner| owner == owners[p as usize]).count() as u32;
         let is_here =
@@ -244,7 +244,7 @@ mod tests {
 
     /// Each rank chooses twice, to test the state between calls.
     fn chosen(all: &[ReactionCandidate], owners: &[u32]) -> Vec<[u32; 2]> {
-        let ranks = owners.iter().max().map_or(1, |most| most + 1);
+        let ranks = owners.iter().max().map_or(1, |max_rank| max_rank + 1);
         let chosen = threads::on(ranks, |mut thread| {
             let mut matching = DistributedMatching::default();
             let (own_candidates, own_count, ghosts) = of_rank(all, owners, thread.rank());

@@ -162,16 +162,16 @@ impl<C: Communicator> RankSimulation<C> {
     /// # Errors
     /// Returns the error of one rank on all: as [`AnySimulation::advance`](crate::AnySimulation::advance), and the
     /// communicator's. Later calls of this and of [`gather`](Self::gather) fail.
-    pub fn advance(&mut self, most: u32) -> Result<(), C::Error> {
+    pub fn advance(&mut self, max_steps: u32) -> Result<(), C::Error> {
         self.check_state()?;
-        if most == 0 {
+        if max_steps == 0 {
             return Ok(());
         }
         let Self { communicator, run, totals, .. } = self;
         let advanced = match run {
             RankRun::Cpu(run) => run.step(communicator, &totals.occupied),
             #[cfg(feature = "gpu")]
-            RankRun::Gpu(run) => run.advance(communicator, most, &totals.occupied),
+            RankRun::Gpu(run) => run.advance(communicator, max_steps, &totals.occupied),
         };
         self.has_failed = advanced.is_err();
         advanced?;

@@ -191,9 +191,9 @@ impl Decays {
         last.and_then(|decay| self.left_at_dissociation(decay, context)).is_some_and(|left| left > order.left)
     }
 
-    /// Calls `tell` with each decay of a particle in a step, in order.
+    /// Calls `visit` with each decay of a particle in a step, in order.
     #[inline]
-    pub fn for_each_decay(&self, species: u32, context: DrawContext, mut tell: impl FnMut(ChainedDecay)) {
+    pub fn for_each_decay(&self, species: u32, context: DrawContext, mut visit: impl FnMut(ChainedDecay)) {
         let kind = &self.kinds[species as usize];
         if kind.channels.is_empty() {
             return;
@@ -201,10 +201,10 @@ impl Decays {
         let [word, when, ..] = context.draw(0, Purpose::Decay);
         let Some(channel) = kind.channels.iter().find(|channel| word <= channel.up_to) else { return };
         let first = kind.chained(channel, self.time_step, when);
-        tell(first);
+        visit(first);
         if let Some(product) = channel.product.filter(|&product| self.kinds[product as usize].rate > 0.0) {
             let words = |generation| context.draw(generation, Purpose::Decay);
-            self.continue_chain(product, first.time_left(), words, tell);
+            self.continue_chain(product, first.time_left(), words, visit);
         }
     }
 
@@ -213,7 +213,7 @@ impl Decays {
         mut species: u32,
         mut left: f64,
         words: impl Fn(u32) -> [u32; 4],
-        mut tell: impl FnMut(ChainedDecay),
+        mut visit: impl FnMut(ChainedDecay),
     ) {
         for generation in 1..=MAX_GENERATIONS {
             let kind = &self.kinds[species as usize];
@@ -224,7 +224,7 @@ impl Decays {
                 return;
             };
             let decay = kind.chained(channel, left, when);
-            tell(decay);
+            visit(decay);
             let Some(product) = channel.product else { return };
             (left, species) = (decay.time_left(), product);
         }

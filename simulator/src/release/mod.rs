@@ -290,7 +290,7 @@ impl<'a> Batch<'a> {
     fn age(&self, nth: u32, word: u32) -> f64 {
         match self.ages {
             Ages::None => 0.0,
-            Ages::Between(least, most) => least + f64::from(open_unit(word)) * (most - least),
+            Ages::Between(youngest, oldest) => youngest + f64::from(open_unit(word)) * (oldest - youngest),
             Ages::Spaced(oldest, less) => (oldest - f64::from(nth) * less).max(0.0),
         }
     }

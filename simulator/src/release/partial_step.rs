@@ -228,10 +228,10 @@ impl<'a> PartialStep<'a> {
         near: &[&ReceiverState],
         hit_distance: f32,
     ) -> Option<Capture> {
-        let (begun, length) = (*moved, moved.length());
+        let (unresolved, length) = (*moved, moved.length());
         let mut capture = self.resolve(moved, near.iter().copied(), hit_distance);
         if moved.path_length > length * (1.0 + PATH_ROUNDING) {
-            *moved = begun;
+            *moved = unresolved;
             capture = self.resolve(moved, self.surfaces.active_receivers.all.iter(), f32::INFINITY);
         }
         capture

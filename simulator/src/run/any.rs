@@ -106,11 +106,11 @@ impl AnySimulation {
     /// # Errors
     /// See [`Simulation::step`] or `GpuSimulation::run`.
     #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU does several"))]
-    pub fn advance(&mut self, most: u32) -> Result<(), Error> {
+    pub fn advance(&mut self, max_steps: u32) -> Result<(), Error> {
         match self {
             Self::Cpu(run) => run.step(),
             #[cfg(feature = "gpu")]
-            Self::Gpu(run) => run.run(most.min(GPU_STEPS)),
+            Self::Gpu(run) => run.run(max_steps.min(GPU_STEPS)),
         }
     }
 

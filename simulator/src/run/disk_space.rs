@@ -23,14 +23,15 @@ impl Run {
 
     /// Warns if the output may exceed the disk, refuses if it surely does.
     pub(super) fn check_fits(&self, estimate: DiskEstimate) -> Result<(), Error> {
-        let DiskEstimate { least, most, checkpoint } = estimate;
+        let DiskEstimate { min_bytes, max_bytes, checkpoint } = estimate;
         let free = self.free_disk_bytes()?;
-        let [needed, enough] = [least.saturating_add(checkpoint[0]), most.saturating_add(checkpoint[1])];
+        let [needed, enough] =
+            [min_bytes.saturating_add(checkpoint[0]), max_bytes.saturating_add(checkpoint[1])];
         if needed <= free && enough > free {
             log::warn!(
                 "the run writes up to about {} MB, and the disk has {} MB left; it stops with a checkpoint before the disk \
                  is full",
-                most >> 20,
+                max_bytes >> 20,
                 free >> 20
             );
         }
@@ -40,7 +41,7 @@ impl Run {
         Err(self.disk_full_error(format!(
             "the run is going to write about {} MB and the disk has {} MB left; write frames less often, choose another \
              directory, or try all the same with --no-space-check",
-            least >> 20,
+            min_bytes >> 20,
             free >> 20
         )))
     }

@@ -309,14 +309,14 @@ impl Run {
             let now = intervals(own_scenario.output);
             let names = ["--series-every", "--frames-every", "--animate-every"];
             let options = names.into_iter().zip(every.iter().zip(now)).filter(|(_, (was, is))| *was != is);
-            let said = options.map(|(name, (was, is))| match (was, is, name) {
+            let differences = options.map(|(name, (was, is))| match (was, is, name) {
                 (0, _, "--animate-every") => "it has no animation; leave out --animate".to_owned(),
                 (was, 0, "--animate-every") => {
                     format!("it has an animation; give --animate --animate-every {was}")
                 }
                 _ => format!("{name} is {was} there and {is} now; give {name} {was}"),
             });
-            return refused(said.collect::<Vec<_>>().join(", and "));
+            return refused(differences.collect::<Vec<_>>().join(", and "));
         }
         if own_scenario.steps < state.step {
             return refused(format!(

@@ -102,8 +102,8 @@ impl SweepRuns {
     }
 
     fn refuse_foreign(&self) -> Result<(), Error> {
-        let begun = self.points.iter().enumerate().filter(|(_, point)| point.run.resume);
-        for (k, point) in begun {
+        let resumed = self.points.iter().enumerate().filter(|(_, point)| point.run.resume);
+        for (k, point) in resumed {
             let refused = point.refuse_foreign();
             refused.map_err(|error| sweep_point_error(&self.keys, &self.values[k], error))?;
         }
@@ -184,20 +184,20 @@ impl SweepRuns {
     }
 
     fn check_disk(&self) -> Result<(), (usize, Error)> {
-        let mut all = DiskEstimate { least: 0, most: 0, checkpoint: [0; 2] };
+        let mut all = DiskEstimate { min_bytes: 0, max_bytes: 0, checkpoint: [0; 2] };
         for (k, point) in self.points.iter().enumerate().filter(|(_, point)| point.run.space_check) {
             let (run, at) = (&point.run, |error| (k, error));
-            let begun = if run.resume { point.checkpoint_count().map_err(at)? } else { 0 };
-            let new = point.count.get() - begun;
+            let begun_count = if run.resume { point.checkpoint_count().map_err(at)? } else { 0 };
+            let new = point.count.get() - begun_count;
             if new == 0 {
                 continue;
             }
             let (model, seed) = (&run.scenario.model, run.scenario.seed);
-            let begun = AnySimulation::begin(model, seed, lazygrid::Backend::Cpu, run.algorithm, None);
-            let one = run.disk_estimate(&begun.map_err(at)?).times(new);
+            let simulation = AnySimulation::begin(model, seed, lazygrid::Backend::Cpu, run.algorithm, None);
+            let one = run.disk_estimate(&simulation.map_err(at)?).times(new);
             all = DiskEstimate {
-                least: all.least.saturating_add(one.least),
-                most: all.most.saturating_add(one.most),
+                min_bytes: all.min_bytes.saturating_add(one.min_bytes),
+                max_bytes: all.max_bytes.saturating_add(one.max_bytes),
                 checkpoint: [0, 1].map(|k| all.checkpoint[k].saturating_add(one.checkpoint[k])),
             };
         }

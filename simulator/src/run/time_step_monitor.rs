@@ -45,7 +45,7 @@ impl TimeStepMonitor {
     }
 
     pub(crate) fn warnings(&self, model: &Model) -> Vec<String> {
-        let said = |(reaction, &(all, fast, worst)): (&crate::Reaction, &(f64, f64, f64))| {
+        let warning = |(reaction, &(all, fast, worst)): (&crate::Reaction, &(f64, f64, f64))| {
             (fast > MAX_FAST_FRACTION * all).then(|| {
                 format!(
                     "'{}': {:.0} % of it came in steps in which more than {:.0} % of the reactants reacted, {:.0} % at the \
@@ -59,7 +59,7 @@ impl TimeStepMonitor {
                 )
             })
         };
-        model.reactions.iter().zip(&self.counts).filter_map(said).collect()
+        model.reactions.iter().zip(&self.counts).filter_map(warning).collect()
     }
 }
 
@@ -92,12 +92,12 @@ mod tests {
         let mut pace = TimeStepMonitor::default();
         pace.add_steps(&model, [&totals([1000, 100], [0, 0]), &totals([800, 60], [40, 50])], 0..10);
         assert_eq!(pace.warnings(&model).len(), 1);
-        let said = &pace.warnings(&model)[0];
+        let message = &pace.warnings(&model)[0];
         assert!(
-            said.starts_with("'A + B -> 0': 100 % of it") && said.contains("off by up to about 2 %"),
-            "{said}"
+            message.starts_with("'A + B -> 0': 100 % of it") && message.contains("off by up to about 2 %"),
+            "{message}"
         );
-        assert!(said.contains("of about 5.00e-2 s"), "{said}");
+        assert!(message.contains("of about 5.00e-2 s"), "{message}");
         pace.add_steps(&model, [&totals([800, 60], [40, 50]), &totals([400, 60], [500, 50])], 10..1010);
         assert_eq!(pace.warnings(&model), [""; 0]);
     }

@@ -81,15 +81,15 @@ fn assert_refused(directory: &Path, ranks: u32, name: &str, damage: &str) {
     let before = fs::read(directory.join(name)).unwrap();
     let run = run(directory, 7, STEP + 5, true);
     let watch = |_| ControlFlow::Continue(());
-    let said: Vec<Option<String>> = match ranks {
+    let messages: Vec<Option<String>> = match ranks {
         0 => vec![run.run(|_| ControlFlow::Continue(())).err().map(|error| error.to_string())],
         _ => threads::on(ranks, |thread| run.run_distributed(thread, on_cpu(), watch).err()),
     };
-    for said in said {
-        let said = said.unwrap_or_else(|| panic!("{name}, {damage}: the run is not refused"));
+    for message in messages {
+        let message = message.unwrap_or_else(|| panic!("{name}, {damage}: the run is not refused"));
         assert!(
-            said.contains(&format!("{name}: ")) && said.contains("--overwrite"),
-            "{name}, {damage}: {said}"
+            message.contains(&format!("{name}: ")) && message.contains("--overwrite"),
+            "{name}, {damage}: {message}"
         );
     }
     assert_eq!(fs::read(directory.join(name)).unwrap(), before, "{name}, {damage}: the file was changed");

@@ -253,9 +253,9 @@ fn lost_part_is_named_and_run_is_not_replaced_unasked() {
     let ends = threads::on(3, |thread| {
         resumed.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
     });
-    let said: Vec<_> = ends.into_iter().map(Result::unwrap_err).collect();
-    assert_eq!(said, vec![said[0].clone(); 3]);
-    assert!(said[0].contains("checkpoint.000000010.1: cannot read"), "{}", said[0]);
+    let messages: Vec<_> = ends.into_iter().map(Result::unwrap_err).collect();
+    assert_eq!(messages, vec![messages[0].clone(); 3]);
+    assert!(messages[0].contains("checkpoint.000000010.1: cannot read"), "{}", messages[0]);
     let run = run(directory.path(), 20, false);
     let ends = threads::on(2, |thread| {
         run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
@@ -273,13 +273,13 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
             let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { &odd } else { &base };
             run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
         });
-        let said: Vec<_> = ends.into_iter().map(Result::unwrap_err).collect();
-        assert_eq!(said, vec![said[0].clone(); 3]);
+        let messages: Vec<_> = ends.into_iter().map(Result::unwrap_err).collect();
+        assert_eq!(messages, vec![messages[0].clone(); 3]);
         let expected = format!("rank 0: the setting `{name}` is ");
         assert!(
-            said[0].starts_with(&expected) && said[0].contains(" on rank 2; 1 of 3 ranks "),
+            messages[0].starts_with(&expected) && messages[0].contains(" on rank 2; 1 of 3 ranks "),
             "{}",
-            said[0]
+            messages[0]
         );
     };
     let with = |change: fn(&mut Scenario)| {

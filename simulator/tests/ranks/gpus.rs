@@ -274,18 +274,22 @@ fn failure_on_the_gpu_of_one_rank_is_returned_on_all() {
         receivers: (0..25).map(mirror).collect(),
         ..Model::default()
     };
-    let said = threads::on(3, |thread| -> Result<_, String> {
+    let messages = threads::on(3, |thread| -> Result<_, String> {
         let mut run = RankSimulation::new(thread, model.clone(), 1, on_gpu())?;
         let again = [run.advance(5).unwrap_err(), run.advance(5).unwrap_err()];
         assert!(run.gather(GatherFields::default()).is_err());
         Ok(again)
     });
-    let said: Vec<_> = said.into_iter().map(Result::unwrap).collect();
-    assert!(said[0][0].starts_with("rank 0: ") && said[0][0].contains("surfaces within reach"), "{said:?}");
-    assert!(said[0][1].contains("an earlier step failed"), "{said:?}");
-    assert_eq!(said, vec![said[0].clone(); 3]);
+    let messages: Vec<_> = messages.into_iter().map(Result::unwrap).collect();
+    assert!(
+        messages[0][0].starts_with("rank 0: ") && messages[0][0].contains("surfaces within reach"),
+        "{messages:?}"
+    );
+    assert!(messages[0][1].contains("an earlier step failed"), "{messages:?}");
+    assert_eq!(messages, vec![messages[0].clone(); 3]);
     let mut broken = independent();
     broken.species[0].diffusion = -1.0;
-    let said = threads::on(2, |thread| RankSimulation::new(thread, broken.clone(), 1, on_gpu()).map(|_| ()));
-    assert!(said[0].is_err() && said[0] == said[1], "{said:?}");
+    let messages =
+        threads::on(2, |thread| RankSimulation::new(thread, broken.clone(), 1, on_gpu()).map(|_| ()));
+    assert!(messages[0].is_err() && messages[0] == messages[1], "{messages:?}");
 }

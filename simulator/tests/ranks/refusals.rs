@@ -19,7 +19,7 @@ fn failure_of_one_rank_is_returned_on_all() {
     let mut model =
         Model { flow: Some(Flow::Plug([1e38, 0.0, 0.0])), time_step: 1e3, ..model(&everything()) };
     model.boundary.axes = [lazygrid_sim::Axis::Open; 3];
-    let said = errors(&model, 5);
-    assert!(said[0].starts_with("rank ") && said[0].contains(": step "), "{said:?}");
-    assert_eq!(said, vec![said[0].clone(); 3]);
+    let messages = errors(&model, 5);
+    assert!(messages[0].starts_with("rank ") && messages[0].contains(": step "), "{messages:?}");
+    assert_eq!(messages, vec![messages[0].clone(); 3]);
 }

@@ -175,7 +175,8 @@ impl Scene {
             self.distances.retain(|distance| distance.is_finite());
             self.distances.sort_unstable_by(f32::total_cmp);
             let last = self.distances.len().saturating_sub(1);
-            let most = self.distances.get((last as f64 * VIEW_FRACTION) as usize).copied().unwrap_or(0.0);
+            let view_distance =
+                self.distances.get((last as f64 * VIEW_FRACTION) as usize).copied().unwrap_or(0.0);
             let moved = self.transceivers.iter().filter_map(|transceiver| {
                 let distance = |frame: &FrameSummary| {
                     let center = frame.centers[transceiver.moves?];
@@ -184,14 +185,14 @@ impl Scene {
                 };
                 self.frames.iter().filter_map(distance).reduce(f32::max)
             });
-            self.view.radius = moved.fold(self.view.radius.max(most), f32::max);
+            self.view.radius = moved.fold(self.view.radius.max(view_distance), f32::max);
         }
         if self.view.radius <= 0.0 || !self.view.radius.is_finite() {
             self.view.radius = 1.0;
         }
-        let least = self.view.radius / 80.0;
+        let min_size = self.view.radius / 80.0;
         for transceiver in &mut self.transceivers {
-            transceiver.shape.size = transceiver.shape.size.map(|half| half.max(least));
+            transceiver.shape.size = transceiver.shape.size.map(|half| half.max(min_size));
         }
         self
     }

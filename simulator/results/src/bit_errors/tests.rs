@@ -94,7 +94,7 @@ fn bit_errors_of_a_known_sequence() {
     errors.add(&files(sent), &model(), &slots(100));
     let counts: Vec<u64> = (0..=7).map(|threshold| errors.at(&[threshold]).1).collect();
     assert_eq!(counts, [1, 1, 1, 2, 1, 2, 2, 3]);
-    assert_eq!((errors.bits, errors.ones, errors.most(), errors.best()), (4, 3, 6, vec![0]));
+    assert_eq!((errors.bits, errors.ones, errors.max_seen(), errors.best()), (4, 3, 6, vec![0]));
     errors.add(&files(log(&[(0, 0, 6), (2, 2, 4), (3, 3, 5)])), &model(), &slots(100));
     let (rates, all) = errors.at(&[4]);
     assert_eq!((rates.mean(), rates.standard_error(), all), (0.125, Some(0.125), 1));
@@ -109,7 +109,10 @@ fn a_delay_moves_the_slots_of_bits() {
     assert_eq!(late.bounds, [15, 25, 35, 45, 55]);
     let mut errors = bit_errors(&model, 10);
     errors.add(&files(log(&[(0, 1, 6), (2, 3, 4)])), &model, &late);
-    assert_eq!((errors.at(&[1]).1, errors.at(&[5]).1, errors.at(&[0]).1, errors.least()), (1, 2, 1, 0.25));
+    assert_eq!(
+        (errors.at(&[1]).1, errors.at(&[5]).1, errors.at(&[0]).1, errors.lowest_rate()),
+        (1, 2, 1, 0.25)
+    );
 }
 
 #[test]
@@ -135,7 +138,7 @@ fn the_best_thresholds_leave_the_fewest_errors() {
     let counts: Vec<[usize; 1]> = (0..40).map(|k| [2 * sent[k] as usize + noise(k)]).collect();
     let mut errors = bit_errors(&model, 0);
     errors.add(&files(arrivals(&counts.iter().map(|c| &c[..]).collect::<Vec<_>>())), &model, &slots);
-    let last = errors.most() + 1;
+    let last = errors.max_seen() + 1;
     let all = (0..=last).flat_map(|a| (a..=last).flat_map(move |b| (b..=last).map(move |c| [a, b, c])));
     let best = all.min_by_key(|thresholds| errors.at(thresholds).1).unwrap();
     assert!(errors.at(&best).1 > 0, "nothing to decide");
@@ -150,5 +153,5 @@ fn molecules_are_detected_by_the_species_with_the_most_arrivals() {
     let counts: [&[usize]; 5] = [&[1, 3], &[5, 4, 0, 4], &[0, 4, 3], &[0, 0, 0, 2], &[7, 0, 0, 7]];
     errors.add(&files(arrivals(&counts)), &model, &slots);
     assert_eq!((errors.bits, errors.thresholds(), errors.best()), (10, 0, vec![]));
-    assert_eq!((errors.at(&[]).1, errors.least()), (2, 0.2));
+    assert_eq!((errors.at(&[]).1, errors.lowest_rate()), (2, 0.2));
 }

@@ -33,12 +33,12 @@ fn metadata_matches_every_shader() {
         assert_eq!(module.entry_points.len(), 1, "{}", kernel.name);
         assert_eq!(module.entry_points[0].name, kernel.name);
         assert!(!spirv(kernel.name, &module, &info).is_empty());
-        let said: Vec<_> =
+        let declared: Vec<_> =
             (0..).zip(kernel.bindings).map(|(k, &(name, access))| (k, name.to_owned(), access)).collect();
-        assert_eq!(bindings(kernel.name, &module), said, "{}", kernel.name);
+        assert_eq!(bindings(kernel.name, &module), declared, "{}", kernel.name);
         let storage = kernel.bindings.iter().filter(|(_, access)| *access != Uniform).count();
-        let most = if kernel.name == PARTICLES_MOVE_REFLECTING.name { SURFACE_BUFFERS as usize } else { 8 };
-        assert!(storage <= most, "{} binds {storage} storage buffers", kernel.name);
+        let limit = if kernel.name == PARTICLES_MOVE_REFLECTING.name { SURFACE_BUFFERS as usize } else { 8 };
+        assert!(storage <= limit, "{} binds {storage} storage buffers", kernel.name);
     }
 }
 

@@ -4,9 +4,9 @@ use super::GpuSimulation;
 use crate::Error;
 
 impl GpuSimulation {
-    pub(super) fn steps_of_flow(&self, most: u32) -> u32 {
+    pub(super) fn steps_of_flow(&self, step_limit: u32) -> u32 {
         let fraction = |later: u32| self.model.flow_fraction_of_step(self.step + later);
-        (1..most).find(|&later| fraction(later) != fraction(0)).unwrap_or(most)
+        (1..step_limit).find(|&later| fraction(later) != fraction(0)).unwrap_or(step_limit)
     }
 
     pub(super) fn prepare_flow(&mut self) -> Result<(), Error> {

@@ -58,7 +58,7 @@ pub(crate) struct Collisions {
 #[derive(Debug, Default)]
 struct Scratch {
     movers: Vec<Mover>,
-    begun: Vec<Mover>,
+    movers_before: Vec<Mover>,
     rows: Vec<[f32; 4]>,
     species: Vec<u32>,
     neighbors: Adjacency,
@@ -134,7 +134,7 @@ impl Collisions {
     ) -> Result<u64, H::Error> {
         let own_count = scratch.movers.len();
         let (mut now, mut collisions, mut top_speed) = (0.0, 0, 0.0);
-        let most = self.largest_allowance(&extent);
+        let max_allowance = self.largest_allowance(&extent);
         let limit = MIN_BUDGET + MAX_COLLISIONS * extent.count;
         while now < 1.0 {
             top_speed = f64::max(top_speed, TOP_SPEED * fastest(&scratch.movers[..own_count], halo));
@@ -142,15 +142,15 @@ impl Collisions {
                 break;
             }
             let path_length = top_speed * (1.0 - now);
-            if path_length > f64::from(MAX_WINDOWS) * most {
-                return halo.agree(Err(too_long(step, path_length, most)));
+            if path_length > f64::from(MAX_WINDOWS) * max_allowance {
+                return halo.agree(Err(too_long(step, path_length, max_allowance)));
             }
-            let allowance = most.min(path_length);
+            let allowance = max_allowance.min(path_length);
             scratch.movers.truncate(own_count);
             halo.add_ghosts(&mut scratch.movers, allowance)?;
             let candidates = self.candidates(scratch, allowance);
             let mut candidates = halo.agree(candidates.map_err(|source| Error::Step { step, source }))?;
-            let Scratch { movers, begun, neighbors, .. } = &mut *scratch;
+            let Scratch { movers, movers_before, neighbors, .. } = &mut *scratch;
             if now == 0.0 && self.rules.is_elastic && collisions == 0 {
                 collisions += bounce_overlaps(&self.rules, movers, own_count, &candidates, halo)?;
                 top_speed = f64::max(top_speed, fastest(&movers[..own_count], halo));
@@ -158,20 +158,20 @@ impl Collisions {
             candidates.retain(|pair| !self.rules.passes(pair.map(|at| &movers[at as usize])));
             neighbors.build(&candidates, movers.len());
             neighbors.sort_by_id(movers);
-            begun.clone_from(movers);
+            movers_before.clone_from(movers);
             let horizon = f64::min(1.0, now + allowance / top_speed);
             let limit = limit.saturating_sub(collisions);
             let window =
                 Window { rules: &self.rules, neighbors, own_count, horizon, top_speed, slack: SLACK, limit };
             match window.run(movers, halo)? {
-                WindowEnd::Finished(met) => collisions += met,
+                WindowEnd::Finished(hits) => collisions += hits,
                 WindowEnd::TooFast(speed) => {
                     top_speed = TOP_SPEED * speed;
-                    movers.clone_from(begun);
+                    movers.clone_from(movers_before);
                     continue;
                 }
-                WindowEnd::TooMany(met) => {
-                    let collisions = collisions + met;
+                WindowEnd::TooMany(hits) => {
+                    let collisions = collisions + hits;
                     return halo.agree(Err(Error::Collisions { step, particles: extent.count, collisions }));
                 }
             }

@@ -9,7 +9,7 @@ pub(crate) struct Flight {
     /// End without walls.
     pub(crate) free_end: [f32; 3],
     /// After a tumble and before walls.
-    pub(crate) begun: [f32; 3],
+    pub(crate) tumbled_velocity: [f32; 3],
     /// Velocity at the end, in µm/s.
     pub(crate) velocity: [f32; 3],
 }
@@ -41,7 +41,7 @@ impl Mover {
             time: 0.0,
             motion,
             speed: length(motion),
-            velocity: flight.begun.map(f64::from),
+            velocity: flight.tumbled_velocity.map(f64::from),
             id: particles.id[at],
             species: particles.species[at],
             radius: particles.radius[at],

@@ -58,8 +58,8 @@ pub(super) fn bounce_overlaps<H: Halo>(
         changed.clear();
         for pair in ready {
             let mut both = pair.map(|at| movers[at as usize]);
-            let met = rules.collide(&mut both);
-            bounces += u64::from(met && (pair[0] as usize) < own_count);
+            let has_collided = rules.collide(&mut both);
+            bounces += u64::from(has_collided && (pair[0] as usize) < own_count);
             for (at, mover) in pair.into_iter().zip(both).filter(|&(at, _)| (at as usize) < own_count) {
                 movers[at as usize] = mover;
                 changed.push(at);

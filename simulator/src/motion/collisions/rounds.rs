@@ -132,9 +132,9 @@ impl Window<'_> {
         let mut progress = Progress { earliest, fastest: 0.0, collisions: 0 };
         for (event, safe_from, outcome) in &trials {
             schedule.safe_from[event.at[0] as usize] = *safe_from;
-            let Some((after, met)) = outcome else { continue };
+            let Some((after, hits)) = outcome else { continue };
             if is_own(event.at[0]) {
-                progress.collisions += met;
+                progress.collisions += hits;
             }
             for (&at, mover) in event.particles().iter().zip(after).filter(|&(&at, _)| is_own(at)) {
                 movers[at as usize] = *mover;

@@ -175,14 +175,14 @@ impl Rules {
             }
             true
         };
-        let met = exchange(&mut a.motion, &mut b.motion);
+        let has_collided = exchange(&mut a.motion, &mut b.motion);
         if self.is_elastic {
             exchange(&mut a.velocity, &mut b.velocity);
         }
         for mover in [a, b] {
             mover.speed = length(mover.motion);
-            mover.collided |= met;
+            mover.collided |= has_collided;
         }
-        met
+        has_collided
     }
 }

@@ -32,15 +32,15 @@ impl Propagator {
 
     #[inline(always)]
     pub(super) fn flight(&self, start: FlightStart, normal: [f32; 3], context: DrawContext) -> Flight {
-        let FlightStart { species, position: before, velocity: mut begun } = start;
+        let FlightStart { species, position: before, velocity: mut tumbled_velocity } = start;
         let kind = &self.steps[species as usize];
         if let Some(tumbles) = &self.tumbles[species as usize] {
             let words = context.draw(0, Purpose::Tumble);
-            tumbles.apply(before, &mut begun, words, &kind.domain);
+            tumbles.apply(before, &mut tumbled_velocity, words, &kind.domain);
         }
-        let mut velocity = begun;
+        let mut velocity = tumbled_velocity;
         let mutable_velocity = self.with_velocity.then_some(&mut velocity);
         let (path, free_end) = self.paths.path(kind, [before, normal], mutable_velocity, context);
-        Flight { path, free_end, begun, velocity }
+        Flight { path, free_end, tumbled_velocity, velocity }
     }
 }

@@ -102,10 +102,13 @@ fn loop_replaces_searches_if_all_particles_are_near_receivers() {
         model.species[1].drift = [0.0; 3];
         model
     };
-    for (half, few, most) in [(0.35, 2, 40), (3.0, 400, 600)] {
+    for (half, min_searched, max_searched) in [(0.35, 2, 40), (3.0, 400, 600)] {
         let model = model_of(half);
         let (found, searched) = run(&model, 600, true);
-        assert!((few..=most).contains(&searched), "{searched} of 600 steps searched in {half}");
+        assert!(
+            (min_searched..=max_searched).contains(&searched),
+            "{searched} of 600 steps searched in {half}"
+        );
         assert_eq!(found, run(&model, 600, false).0, "{half}");
     }
 }
@@ -126,9 +129,9 @@ fn a_search_finds_the_receivers_of_a_loop() {
     ];
     for (boundary, flow, speed) in cases {
         let model = model(boundary, flow, speed);
-        let (steps, least) = if speed > 10.0 { (12, 8) } else { (100, 50) };
+        let (steps, min_searched) = if speed > 10.0 { (12, 8) } else { (100, 50) };
         let ((found, particles), searched) = run(&model, steps, true);
-        assert!(searched > least, "{searched}");
+        assert!(searched > min_searched, "{searched}");
         assert!(found.len() > 100 && particles.len() > 100, "{} {}", found.len(), particles.len());
         assert_eq!((found, particles), run(&model, steps, false).0, "{boundary:?}, {speed}");
     }

@@ -165,16 +165,16 @@ fn flow_pulse_carries_particles_of_the_least_ages() {
         flow_pulse: Some([0.0, f64::INFINITY]),
         ..Model::default()
     };
-    let (events, mut least) = (PartialEvents::new(&model), f64::INFINITY);
+    let (events, mut min_age) = (PartialEvents::new(&model), f64::INFINITY);
     for step in 1..100 {
         let at = ReleaseStep { events: &events, key: Key::new(3), step, next_id: 0, receiver_moves: &[] };
         for batch in model.all_batches(step, at.key) {
             let ages = (0..batch.count).map(|nth| batch.age(nth, 0)).filter(|&age| age > 0.0);
-            least = ages.fold(least, f64::min);
+            min_age = ages.fold(min_age, f64::min);
         }
         let particles = model.release(at, RankSlice::WHOLE).expect("a release").particles;
         let positions = (0..particles.len()).map(|at| particles.position_of(at));
         positions.for_each(|at| assert!(at[0] >= 0.0 && at[0] <= 0.5, "{at:?} in step {step}"));
     }
-    assert!(least < 1e-16, "{least} s");
+    assert!(min_age < 1e-16, "{min_age} s");
 }

@@ -56,14 +56,14 @@ fn at_sites(
         let message = format!("{sites:?} places are more than 2³² − 1; make them fewer");
         return Err(Problem::at(center, message));
     };
-    let (mut all, said) = (Vec::new(), warnings.len());
+    let (mut all, warning_count) = (Vec::new(), warnings.len());
     for k in 0..count {
         let offset = shape.offset([0; 4], k, &model.boundary);
         let at = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
         check_position(&model.boundary, center.clone(), at, receiver.radius, warnings)?;
         all.push(Receiver { name: format!("{}-{k}", receiver.name), center: at, ..receiver.clone() });
     }
-    warnings.truncate(said + 1);
+    warnings.truncate(warning_count + 1);
     Ok(all)
 }
 

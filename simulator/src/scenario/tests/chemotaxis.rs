@@ -61,9 +61,9 @@ fn faulty_attractants_are_named_by_line() {
 fn gradients_too_steep_for_the_time_step_are_warned_of() {
     // Up to exp(0.35·20·4/(4 + 2)²·2/0.25) times the rate of 1/s, at a probability of 0.01/1.005.
     let steep = TEXT.replace("sensitivity = 0.1", "sensitivity = 0.35");
-    let said = parse(&steep).unwrap().warnings;
-    assert_warns(&said, "A tumbles at up to 5.038e2 times its tumble-rate");
-    assert!(said[0].contains("time-step = 1.98e-3 is short enough"), "{said:?}");
+    let messages = parse(&steep).unwrap().warnings;
+    assert_warns(&messages, "A tumbles at up to 5.038e2 times its tumble-rate");
+    assert!(messages[0].contains("time-step = 1.98e-3 is short enough"), "{messages:?}");
     assert_eq!(parse(&steep.replace("0.01", "1.98e-3")).unwrap().warnings, [""; 0]);
 }
 
@@ -72,8 +72,8 @@ fn rates_above_two_tumbles_per_step_are_warned_of() {
     let text = |rate: &str| {
         format!("time-step = 0.05\nsteps = 3\n[[species]]\nname = 'A'\nspeed = 20\ntumble-rate = {rate}\n")
     };
-    let said = parse(&text("100")).unwrap().warnings;
-    assert_warns(&said, "line 6, `tumble-rate`: A tumbles 5.000 times in a step");
-    assert!(said[0].contains("2.500 times as fast; time-step = 1.99e-2 is short enough"), "{said:?}");
+    let messages = parse(&text("100")).unwrap().warnings;
+    assert_warns(&messages, "line 6, `tumble-rate`: A tumbles 5.000 times in a step");
+    assert!(messages[0].contains("2.500 times as fast; time-step = 1.99e-2 is short enough"), "{messages:?}");
     assert_eq!(parse(&text("40")).unwrap().warnings, [""; 0]);
 }

@@ -88,11 +88,11 @@ fn faulty_flow_files_are_named_by_line() {
 fn unresolved_flow_fields_are_warned_of() {
     let directory = tempfile::tempdir().unwrap();
     let path = write(directory.path(), [0.0, 50.0, 0.0]);
-    let said = parse_at(&path, TEXT).unwrap().warnings;
-    assert_warns(&said, "by 50 %; time-step = 5.99e-3 is short enough");
-    let said =
+    let messages = parse_at(&path, TEXT).unwrap().warnings;
+    assert_warns(&messages, "by 50 %; time-step = 5.99e-3 is short enough");
+    let messages =
         parse_at(&path, &TEXT.replace("0.01", "5.99e-3").replace("high = [2", "high = [4")).unwrap().warnings;
-    assert_warns(&said, "is from 0 to 2 µm along x and the boundary from 0 to 4");
+    assert_warns(&messages, "is from 0 to 2 µm along x and the boundary from 0 to 4");
 }
 
 #[test]
@@ -147,13 +147,13 @@ fn drift_to_a_plane_wall_is_warned_of_if_the_wall_mirrors_paths() {
     let plug = "[flow]\nprofile = 'plug'\nvelocity = [-100, 0, 0]";
     assert_eq!(warnings("0.01", "separate", plug).len(), 1);
     for own in ["speed = 20", "thermal-speed = 5"] {
-        let said = warnings("0.01", "ignore", &format!("{drift}\n{own}"));
-        assert_warns(&said, "because the species has a speed or thermal-speed");
+        let messages = warnings("0.01", "ignore", &format!("{drift}\n{own}"));
+        assert_warns(&messages, "because the species has a speed or thermal-speed");
         assert_eq!(warnings("0.01", "ignore", own), [""; 0]);
     }
     let wall = |face: &str| format!("{drift}\n[[receiver]]\nname = 'rx'\nkind = 'wall'\nface = '{face}'\n");
-    let said = warnings("0.01", "ignore", &wall("high-z"));
-    assert_warns(&said, "because the opposite wall absorbs");
+    let messages = warnings("0.01", "ignore", &wall("high-z"));
+    assert_warns(&messages, "because the opposite wall absorbs");
     assert_eq!(warnings(short, "ignore", &wall("high-z")), [""; 0]);
     // The drift leads to the absorbing wall, or no wall across its axis absorbs.
     assert_eq!(warnings("0.01", "ignore", &wall("low-z")), [""; 0]);
@@ -170,10 +170,10 @@ fn diffusion_across_a_flow_is_warned_of() {
         parse(&text).unwrap().warnings
     };
     // Convection makes 675 of 676 parts of the spread, and a step has 1.47 relaxation times.
-    let [said] = &warnings("0.05", "1800")[..] else { panic!("no warning") };
-    assert!(said.contains("line 10, `name`: a step takes A 2.236 µm by diffusion"), "{said}");
-    assert!(said.contains("the spread along the vessel is 17.3 % too large"), "{said}");
-    let short = advised_step(said);
+    let [message] = &warnings("0.05", "1800")[..] else { panic!("no warning") };
+    assert!(message.contains("line 10, `name`: a step takes A 2.236 µm by diffusion"), "{message}");
+    assert!(message.contains("the spread along the vessel is 17.3 % too large"), "{message}");
+    let short = advised_step(message);
     assert_eq!(short, "1.66e-2");
     assert_eq!(warnings(short, "1800"), [""; 0]);
     assert_eq!(warnings("0.017", "1800").len(), 1);
@@ -187,9 +187,9 @@ fn diffusion_across_a_flow_field_is_warned_of() {
     let path = write(directory.path(), [0.0, 50.0, 0.0]);
     // The flow changes on 1 µm: half of it is √(2DΔt) in 2.5e-3 s.
     let text = |time_step: &str| TEXT.replace("0.01", time_step).replace("diffusion = 1", "diffusion = 50");
-    let said = parse_at(&path, &text("2.6e-3")).unwrap().warnings;
-    assert_warns(&said, "the spread along the flow is too large");
-    assert!(said[0].contains("time-step = 2.49e-3 is short enough"), "{said:?}");
+    let messages = parse_at(&path, &text("2.6e-3")).unwrap().warnings;
+    assert_warns(&messages, "the spread along the flow is too large");
+    assert!(messages[0].contains("time-step = 2.49e-3 is short enough"), "{messages:?}");
     assert_eq!(parse_at(&path, &text("2.49e-3")).unwrap().warnings, [""; 0]);
     let path = write(directory.path(), [0.0, 40.0, 0.0]);
     assert_eq!(parse_at(&path, &text("2.6e-3")).unwrap().warnings, [""; 0]);

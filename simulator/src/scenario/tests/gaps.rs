@@ -30,7 +30,7 @@ fn long_steps_across_gaps_are_warned_of() {
     let image = "[boundary]\nkind = 'periodic'\nlow = [0, 0, 0]\nhigh = [90, 15, 90]\n".to_owned()
         + &rx("[20, 5, 20]");
     let vessel = "[boundary]\nkind = 'cylinder'\nradius = 10.5\n".to_owned() + &rx("[0, 0, 0]");
-    for (text, said) in [
+    for (text, message) in [
         (&pair, "the gap of 5.000 µm between rx and ry"),
         (&body, "the gap of 5.000 µm between rx and ry"),
         (&near, "the gap of 5.000 µm between rx and the wall low-x"),
@@ -39,7 +39,7 @@ fn long_steps_across_gaps_are_warned_of() {
         (&vessel, "the gap of 5.000 µm between rx and the side of the vessel"),
     ] {
         let found = warnings("1.01", text, NO_DRIFT);
-        assert_warns(&found, said);
+        assert_warns(&found, message);
         assert_eq!(advised_step(&found[0]), "9.90e-1", "{found:?}");
         assert_eq!(warnings("9.90e-1", text, NO_DRIFT), [""; 0]);
     }
@@ -98,13 +98,13 @@ fn planes_closer_than_some_steps_are_warned_of() {
     let two = boxed("periodic", wide) + &plane("m", "40") + &plane("n", "40.3125");
     let wall = boxed("reflecting", wide) + &plane("m", "89.1875");
     let image = boxed("periodic", narrow) + &plane("m", "0.125");
-    for (text, said) in [
+    for (text, message) in [
         (&two, "the gap of 0.312 µm between m and n"),
         (&wall, "the gap of 0.312 µm between m and a wall"),
         (&image, "the gap of 0.312 µm between m and its periodic image"),
     ] {
         let found = warnings("1.01", text, NO_DRIFT);
-        assert!(found.iter().any(|warning| warning.contains(said)), "{said}: {found:?}");
+        assert!(found.iter().any(|warning| warning.contains(message)), "{message}: {found:?}");
         assert_eq!(advised_step(&found[0]), "9.90e-1", "{found:?}");
         assert_eq!(warnings("9.90e-1", text, NO_DRIFT), [""; 0]);
     }
@@ -119,15 +119,15 @@ fn sphere_near_a_plane_or_in_a_narrow_box_has_no_right_equilibrium() {
         format!("[boundary]\nkind = 'periodic'\nlow = [0, 0, 0]\nhigh = [{side}, {side}, {side}]\n{sphere}")
     };
     let near = boxed(90) + "[[membrane]]\nname = 'n'\naxis = 'x'\nposition = 25\npermeability = 1\n";
-    let said = warnings("1.01", &near, NO_DRIFT).join("\n");
-    assert!(said.contains("neither the flux nor, so near n, the equilibrium is right"), "{said}");
+    let message = warnings("1.01", &near, NO_DRIFT).join("\n");
+    assert!(message.contains("neither the flux nor, so near n, the equilibrium is right"), "{message}");
     let crossing = warnings("1e-3", &near.replace("position = 25", "position = 22"), NO_DRIFT).join("\n");
     assert!(crossing.contains("n touches or crosses m: steps that reach both"), "{crossing}");
     let narrow = boxed(12).replace("[20, 20, 20]", "[6, 6, 6]");
-    let said = warnings("1.01", &narrow, NO_DRIFT).join("\n");
-    assert!(said.contains("so near its periodic image, the equilibrium is right"), "{said}");
-    let said = warnings("1.01", &boxed(90), NO_DRIFT).join("\n");
-    assert!(said.contains("the equilibrium is right, but the flux is not"), "{said}");
+    let message = warnings("1.01", &narrow, NO_DRIFT).join("\n");
+    assert!(message.contains("so near its periodic image, the equilibrium is right"), "{message}");
+    let message = warnings("1.01", &boxed(90), NO_DRIFT).join("\n");
+    assert!(message.contains("the equilibrium is right, but the flux is not"), "{message}");
 }
 
 #[test]
@@ -173,12 +173,12 @@ fn steps_below_the_resolution_of_positions_are_warned_of() {
             .unwrap()
             .warnings
     };
-    for (motion, said) in [
+    for (motion, message) in [
         ("drift = [1, 0, 0]", "a step takes A 1.000e-6 µm by its velocity, but coordinates up to 1e3 µm"),
         ("diffusion = 1e-3", "a step takes A 4.472e-5 µm by diffusion, but coordinates up to 1e3 µm"),
     ] {
         let found = parsed("1e-6", motion);
-        assert_warns(&found, said);
+        assert_warns(&found, message);
         assert_eq!(parsed(advised_step(&found[0]), motion), [""; 0]);
     }
     assert_eq!(parsed("1e-6", "drift = [1, 0, 0]\ndiffusion = 1"), [""; 0]);

@@ -211,10 +211,10 @@ fn impossible_values_are_refused() {
 
 #[test]
 fn likely_mistakes_are_warned_of() {
-    let said = parse(GOOD).unwrap().warnings;
-    assert_eq!(said.len(), 1, "{said:?}");
-    assert!(said[0].starts_with("s.toml, line 38, `center`: "), "{said:?}");
-    assert!(said[0].contains("is wrapped to [-1.0, 0.0, 0.0]"), "{said:?}");
+    let messages = parse(GOOD).unwrap().warnings;
+    assert_eq!(messages.len(), 1, "{messages:?}");
+    assert!(messages[0].starts_with("s.toml, line 38, `center`: "), "{messages:?}");
+    assert!(messages[0].contains("is wrapped to [-1.0, 0.0, 0.0]"), "{messages:?}");
     let warnings = parse(&GOOD.replace("count = 3", "count = 3000")).unwrap().warnings;
     let collides = "s.toml, line 4, `contact`: acid collides about ";
     assert!(warnings.iter().any(|warning| warning.starts_with(collides)), "{warnings:?}");
@@ -223,13 +223,16 @@ fn likely_mistakes_are_warned_of() {
         .replace("gaussian\", width = 0.5", "ball\", radius = 0.25")
         .replace("time-step = 0.001", "time-step = 7e-4")
         .replace("species = [\"base\"]", "");
-    let said = parse(&inside).unwrap().warnings;
-    assert_warns(&said, "transmitter tx is inside receiver rx");
+    let messages = parse(&inside).unwrap().warnings;
+    assert_warns(&messages, "transmitter tx is inside receiver rx");
     let mended = GOOD.replace("0.001", "3.33e-5").replace("[1, 0, 0]\nradius", "[-1, 0, 0]\nradius");
     assert_eq!(parse(&mended).unwrap().warnings, [""; 0]);
     let rare = mended.replace("binding-radius = 1.5\nprobability = 0.5", "rate = 7.5");
-    let said = parse(&rare).unwrap().warnings;
-    assert!(said.len() == 1 && said[0].starts_with("s.toml, line 23, `rate`: 'acid + base"), "{said:?}");
+    let messages = parse(&rare).unwrap().warnings;
+    assert!(
+        messages.len() == 1 && messages[0].starts_with("s.toml, line 23, `rate`: 'acid + base"),
+        "{messages:?}"
+    );
 }
 
 #[test]

@@ -331,13 +331,13 @@ fn contradictory_reactions_are_refused() {
 #[test]
 fn long_steps_are_warned_of_with_a_short_enough_one() {
     let warnings = |text: &str| network(text).unwrap().warnings;
-    let said = warnings(&(reaction("A + B -> C", "rate = 0.5") + &decay("C ->", "rate = 3000")));
-    assert_warns(&said, "'C ->': 3.0 % of C decay");
-    assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
+    let found = warnings(&(reaction("A + B -> C", "rate = 0.5") + &decay("C ->", "rate = 3000")));
+    assert_warns(&found, "'C ->': 3.0 % of C decay");
+    assert!(found[0].contains("time-step = 6.66e-6 is short enough"), "{found:?}");
     assert_eq!(warnings(&(decay("B -> C", "rate = 3000") + &decay("C ->", "rate = 3000"))), [""; 0]);
-    let said = warnings(&reaction("A + B -> C", "rate-inside = 30000"));
-    assert_warns(&said, "react after 3.333e-5 s on average");
-    assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
+    let found = warnings(&reaction("A + B -> C", "rate-inside = 30000"));
+    assert_warns(&found, "react after 3.333e-5 s on average");
+    assert!(found[0].contains("time-step = 6.66e-6 is short enough"), "{found:?}");
 }
 
 #[test]
@@ -347,9 +347,9 @@ fn dissociation_of_particles_released_within_a_step_is_warned_of() {
     let source = "[[source]]\nequation = \"-> C\"\nrate = 1\nshape = { kind = \"ball\", radius = 1 }\n";
     let split = decay("C -> A + B", "rate = 3000\nunbinding-radius = 0.1");
     for release in [&steady[..], source] {
-        let said = warnings(&(split.clone() + release));
-        assert_warns(&said, "'C -> A + B': 3.0 % of C decay in a step");
-        assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
+        let found = warnings(&(split.clone() + release));
+        assert_warns(&found, "'C -> A + B': 3.0 % of C decay in a step");
+        assert!(found[0].contains("time-step = 6.66e-6 is short enough"), "{found:?}");
     }
     // The rest of a species that dissociates decays at the ends of steps, too.
     let both = decay("C -> A + B", "rate = 30") + &decay("C ->", "rate = 3000");
@@ -367,9 +367,9 @@ fn dissociation_of_particles_released_within_a_step_is_warned_of() {
 fn rates_that_random_numbers_round_are_warned_of() {
     let warnings = |text: &str| network(text).unwrap().warnings;
     // 4.29 and 0.43 of 2³² words, and 100.
-    let said = warnings(&decay("C ->", "rate = 1e-4"));
-    assert_warns(&said, "'C ->' has the probability 1.000e-9 in a step");
-    assert!(said[0].contains("rounded to 9.313e-10") && said[0].contains("is off by 6.9 %"), "{said:?}");
+    let found = warnings(&decay("C ->", "rate = 1e-4"));
+    assert_warns(&found, "'C ->' has the probability 1.000e-9 in a step");
+    assert!(found[0].contains("rounded to 9.313e-10") && found[0].contains("is off by 6.9 %"), "{found:?}");
     assert_warns(&warnings(&decay("C -> A + B", "rate = 1e-5\nunbinding-radius = 0.1")), "it never happens");
     let inside = |rate: &str| reaction("A + B -> C", &format!("rate-inside = {rate}"));
     assert_warns(&warnings(&inside("1e-4")), "'A + B -> C' has the probability 1.000e-9");

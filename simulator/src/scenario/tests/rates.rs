@@ -41,10 +41,10 @@ fn reactants_that_decay_within_a_step_are_warned_of() {
         decays(time_step, &[(equation, "3"), ("C -> D", "0.1")]) + of_pair + release + more
     };
     let warnings = |time_step, equation, more| parse(&text(time_step, equation, more)).unwrap().warnings;
-    let said = warnings("0.1", "A ->", "");
-    assert_warns(&said, "'A ->': 30.0 % of A decay in a step, and pairs react at the ends of steps");
-    assert!(said.iter().any(|one| one.contains("so that up to 25.9 % too few react")), "{said:?}");
-    assert_eq!(warnings(advised_step(&said[0]), "A ->", ""), [""; 0]);
+    let messages = warnings("0.1", "A ->", "");
+    assert_warns(&messages, "'A ->': 30.0 % of A decay in a step, and pairs react at the ends of steps");
+    assert!(messages.iter().any(|one| one.contains("so that up to 25.9 % too few react")), "{messages:?}");
+    assert_eq!(warnings(advised_step(&messages[0]), "A ->", ""), [""; 0]);
     // Products of a decay are as many at the ends of steps as within these.
     assert_eq!(warnings("0.1", "B ->", ""), [""; 0]);
     let other = "[[transmitter]]\nname = 'other'\nrelease = [{ species = 'B', rate = 9 }]\n";
@@ -57,14 +57,14 @@ fn reactants_that_decay_within_a_step_are_warned_of() {
 #[test]
 fn decays_of_one_species_are_added_up() {
     let all = [("C -> A + B", "1"), ("C -> D", "2"), ("C ->", "1.5"), ("D -> C", "1")];
-    let said = parse(&decays("0.0045", &all)).unwrap().warnings;
-    assert_eq!(said, [""; 0]);
+    let messages = parse(&decays("0.0045", &all)).unwrap().warnings;
+    assert_eq!(messages, [""; 0]);
     let pair = "[[reaction]]\nequation = 'A + B -> C'\nbinding-radius = 1\nunbinding-radius = 2\n";
     let pair = pair.replace("unbinding-radius = 2\n", "rate-inside = 0.1\n");
     let text = |time_step: &str| decays(time_step, &all).replace("C -> A + B", "C -> A + A") + &pair;
-    let said = parse(&text("0.0045")).unwrap().warnings;
-    assert_warns(&said, "'C -> D': 2.0 % of C decay in a step");
-    assert_eq!(parse(&text(advised_step(&said[0]))).unwrap().warnings, [""; 0]);
+    let messages = parse(&text("0.0045")).unwrap().warnings;
+    assert_warns(&messages, "'C -> D': 2.0 % of C decay in a step");
+    assert_eq!(parse(&text(advised_step(&messages[0]))).unwrap().warnings, [""; 0]);
 }
 
 #[test]
@@ -143,8 +143,8 @@ fn rare_unbinding_is_warned_of() {
         let rates = format!("count = 1\nbinding-rate = 1e-6\nunbinding-rate = {rate}\n");
         decays("0.1", &[]) + cell + &rates
     };
-    let said = parse(&text("1e-8")).unwrap().warnings;
-    assert_warns(&said, "'unbinding of A from cell' has the probability 1.000e-9 in a step");
-    assert!(said[0].contains("its rate is off by 6.9 %"), "{said:?}");
+    let messages = parse(&text("1e-8")).unwrap().warnings;
+    assert_warns(&messages, "'unbinding of A from cell' has the probability 1.000e-9 in a step");
+    assert!(messages[0].contains("its rate is off by 6.9 %"), "{messages:?}");
     assert_eq!(parse(&text("1e-6")).unwrap().warnings, [""; 0]);
 }

@@ -156,14 +156,18 @@ fn advice_about_surfaces_is_right_when_followed() {
     for (text, message) in surfaces {
         let text = with(text).replace("high = [1, 1, 1.5]", "high = [90, 90, 90]");
         let own = |text: &str| {
-            let said = parse(text).unwrap().warnings;
-            said.into_iter().find(|said| said.contains(message))
+            let warnings = parse(text).unwrap().warnings;
+            warnings.into_iter().find(|warning| warning.contains(message))
         };
-        let said = own(&text).unwrap_or_else(|| panic!("{text}: {:?}", parse(&text).unwrap().warnings));
-        let step = said.split("time-step = ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
-        assert_eq!(own(&text.replace("time-step = 0.001", &format!("time-step = {step}"))), None, "{said}");
+        let warning = own(&text).unwrap_or_else(|| panic!("{text}: {:?}", parse(&text).unwrap().warnings));
+        let step = warning.split("time-step = ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
+        assert_eq!(
+            own(&text.replace("time-step = 0.001", &format!("time-step = {step}"))),
+            None,
+            "{warning}"
+        );
         let longer = 1.05 * step.parse::<f64>().unwrap();
-        assert!(own(&text.replace("0.001", &longer.to_string())).is_some(), "{said}");
+        assert!(own(&text.replace("0.001", &longer.to_string())).is_some(), "{warning}");
     }
 }
 
@@ -227,11 +231,16 @@ fn spherical_membranes_are_read_or_refused() {
     let surface = MembraneSurface::Sphere { center: [0.0, 0.0, 0.5], radius: 0.25 };
     let sees = vec![true, false];
     assert_eq!(model.membranes, [Membrane { name: "cell".into(), surface, permeability: 3.0, sees }]);
-    let said = parse(&text(SPHERE)).unwrap().warnings.join("\n");
-    assert!(said.contains("0.447 µm, which is long compared with the radius of 0.25 µm of cell"), "{said}");
+    let warning = parse(&text(SPHERE)).unwrap().warnings.join("\n");
+    assert!(
+        warning.contains("0.447 µm, which is long compared with the radius of 0.25 µm of cell"),
+        "{warning}"
+    );
     let short = text(SPHERE).replace("time-step = 0.001", "time-step = 1.95e-5");
-    assert!(said.contains("time-step = 1.95e-5 is short enough"), "{said}");
-    assert!(parse(&short).unwrap().warnings.iter().all(|said| !said.contains("which is long compared")));
+    assert!(warning.contains("time-step = 1.95e-5 is short enough"), "{warning}");
+    assert!(
+        parse(&short).unwrap().warnings.iter().all(|warning| !warning.contains("which is long compared"))
+    );
     let receiver = |motion: &str| {
         let kind = format!("\"absorbing\"\n{motion}");
         parse(&text(SPHERE).replace("\"transparent\"\nspecies = [\"base\"]", &kind))
@@ -239,9 +248,9 @@ fn spherical_membranes_are_read_or_refused() {
             .warnings
             .join("\n")
     };
-    let said = receiver("diffusion = 2");
-    assert!(said.contains("takes rx 0.063 µm by diffusion and 0.000 µm by its velocity"), "{said}");
-    assert!(said.contains("time-step = 9.76e-4 is short enough"), "{said}");
+    let warning = receiver("diffusion = 2");
+    assert!(warning.contains("takes rx 0.063 µm by diffusion and 0.000 µm by its velocity"), "{warning}");
+    assert!(warning.contains("time-step = 9.76e-4 is short enough"), "{warning}");
     assert!(receiver("velocity = [0, 251, 0]").contains("0.251 µm by its velocity"));
     for motion in ["diffusion = 1.95", "velocity = [0, 249, 0]", ""] {
         assert!(!receiver(motion).contains("jump across"), "{motion}");
@@ -280,7 +289,7 @@ fn long_steps_to_surfaces_that_absorb_are_warned_of() {
     let disk =
         "dimensions = 2\n[[receiver]]\nname = 'disk'\nkind = 'absorbing'\ncenter = [0, 0, 0]\nradius = 2\n";
     let cylinder = format!("[boundary]\nkind = 'cylinder'\nradius = 4.5\n{}", wall("side"));
-    for (text, said, short) in [
+    for (text, warning, short) in [
         (disk.to_owned(), "for disk, a disk of radius 2 µm", "9.90e-1"),
         (cylinder, "for side, the side of a cylinder of radius 4.5 µm", "9.90e-1"),
         (
@@ -290,7 +299,7 @@ fn long_steps_to_surfaces_that_absorb_are_warned_of() {
         ),
     ] {
         let found = warnings("1.01", &text);
-        assert_warns(&found, said);
+        assert_warns(&found, warning);
         assert!(found[0].contains(&format!("time-step = {short} is short enough")), "{found:?}");
         assert_eq!(warnings(short, &text), [""; 0]);
     }

@@ -86,8 +86,8 @@ pub(super) fn absorbs_species(receiver: &Receiver, species: usize) -> bool {
 fn gap_between(model: &Model, [(k, a), (l, b)]: [(usize, &Receiver); 2], species: usize) -> Option<Gap> {
     let meet = !a.moves() && !b.moves() && (absorbs_species(a, species) || absorbs_species(b, species));
     let length = f64::from(signed_distance(a.radius + b.radius, a.center, &model.boundary, b.center));
-    let least = CONTACT_GAP * f64::from(a.radius.min(b.radius));
-    (meet && length > least).then(|| Gap {
+    let contact_gap = CONTACT_GAP * f64::from(a.radius.min(b.radius));
+    (meet && length > contact_gap).then(|| Gap {
         length,
         diffusion: model.species[species].diffusion,
         between: [Surface::Receiver(k), Surface::Receiver(l)],
@@ -130,10 +130,10 @@ pub(super) fn absorbing_walls(model: &Model, species: usize) -> Vec<Wall> {
 impl Wall {
     /// Returns `true` if a sphere that does not move reaches the wall.
     pub(super) fn cuts(&self, receiver: &Receiver) -> bool {
-        let most = (1.0 + CONTACT_GAP as f32) * receiver.radius;
+        let max_height = (1.0 + CONTACT_GAP as f32) * receiver.radius;
         !receiver.moves()
             && receiver.radius > 0.0
-            && self.height(receiver.center).is_some_and(|height| height <= most)
+            && self.height(receiver.center).is_some_and(|height| height <= max_height)
     }
 
     /// Returns the distance of a point inside, in µm.
@@ -173,10 +173,10 @@ pub(in crate::scenario) fn overlapping_absorbers(model: &Model) -> Option<(usize
     let indices: Vec<usize> = (0..model.receivers.len()).filter(|&k| absorbs(&model.receivers[k])).collect();
     let all: Vec<&Receiver> = indices.iter().map(|&k| &model.receivers[k]).collect();
     let overlaps = |[other, one]: [&Receiver; 2]| {
-        let least = -(CONTACT_GAP as f32) * one.radius.min(other.radius);
+        let contact_gap = -(CONTACT_GAP as f32) * one.radius.min(other.radius);
         let radii = one.radius + other.radius;
         share_species(&other.sees, &one.sees)
-            && signed_distance(radii, one.center, &model.boundary, other.center) < least
+            && signed_distance(radii, one.center, &model.boundary, other.center) < contact_gap
     };
     let pairs = close_pairs(&model.boundary, &all, 0.0).into_iter();
     let overlapping = pairs.filter(|pair| overlaps(pair.map(|k| all[k])));

@@ -42,7 +42,7 @@ fn rounded(model: &Model, largest: &[f32; 3], motion: &Motion<'_>) -> Option<Str
         let largest = largest[axis];
         let unit = f64::from(largest.next_up()) - f64::from(largest);
         let carried = motion.velocity[axis].abs() * model.time_step;
-        let (cause, length, least) = if spread > 0.0 && spread < LEAST_STEP * unit {
+        let (cause, length, min_length) = if spread > 0.0 && spread < LEAST_STEP * unit {
             ("diffusion", spread, LEAST_STEP * unit)
         } else if spread == 0.0 && carried > 0.0 && carried < LEAST_DRIFT * unit {
             ("its velocity", carried, LEAST_DRIFT * unit)
@@ -50,8 +50,8 @@ fn rounded(model: &Model, largest: &[f32; 3], motion: &Motion<'_>) -> Option<Str
             return None;
         };
         let longer = match spread > 0.0 {
-            true => least * least / (2.0 * motion.diffusion),
-            false => least / motion.velocity[axis].abs(),
+            true => min_length * min_length / (2.0 * motion.diffusion),
+            false => min_length / motion.velocity[axis].abs(),
         };
         Some(format!(
             "a step takes {} {length:.3e} µm by {cause}, but coordinates up to {largest:e} µm are multiples of {unit:.1e} µm in \

@@ -20,7 +20,7 @@ pub(in crate::scenario) fn misplaced_shape(transmitter: &Transmitter, boundary: 
     // A Gaussian that walls mirror is that of diffusion before them.
     let is_mirrored = beyond > 0.0 && !matches!(transmitter.shape, Shape::Gaussian(_));
     let name = excerpt(transmitter.name.as_bytes());
-    let said = match (is_source(transmitter), is_mirrored, outside) {
+    let reason = match (is_source(transmitter), is_mirrored, outside) {
         (true, ..) if beyond + outside > 0.0 => format!(
             "{:.1} % of the shape of '{name}' is outside the walls, so that more particles appear in the rest of it",
             100.0 * (beyond + outside)
@@ -35,7 +35,7 @@ pub(in crate::scenario) fn misplaced_shape(transmitter: &Transmitter, boundary: 
         ),
         _ => return None,
     };
-    Some(said + "; make the shape smaller, or move it")
+    Some(reason + "; make the shape smaller, or move it")
 }
 
 fn is_source(transmitter: &Transmitter) -> bool {

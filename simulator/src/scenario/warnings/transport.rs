@@ -88,12 +88,12 @@ pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) 
 
 pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
-    let most = model.largest_rate_factor(species);
+    let rate_factor = model.largest_rate_factor(species);
     let tumbles = one.tumble_rate * model.time_step;
-    if one.speed == 0.0 || tumble_probability(tumbles) * most <= 1.0 {
+    if one.speed == 0.0 || tumble_probability(tumbles) * rate_factor <= 1.0 {
         return None;
     }
-    if most == 1.0 {
+    if rate_factor == 1.0 {
         return Some(format!(
             "{} tumbles {tumbles:.3} times in a step by its tumble-rate, and at most once in the simulation, so that it \
              diffuses {:.3} times as fast; time-step = {} is short enough",
@@ -102,7 +102,7 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
             below(2.0 / one.tumble_rate)
         ));
     }
-    if most.is_infinite() {
+    if rate_factor.is_infinite() {
         return Some(format!(
             "{} has an infinite tumble rate where it swims down the steepest gradient, but tumbles at most once in a step, so that \
              its drift is too low there; give it a lower sensitivity or speed",
@@ -113,8 +113,8 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
         "{} tumbles at up to {:.3e} times its tumble-rate where it swims down the steepest gradient, but at most once in a \
          step, so that its drift is too low there; time-step = {} is short enough",
         one.name,
-        most,
-        below(2.0 / (2.0 * most - 1.0) / one.tumble_rate)
+        rate_factor,
+        below(2.0 / (2.0 * rate_factor - 1.0) / one.tumble_rate)
     ))
 }
 
@@ -254,8 +254,8 @@ fn speed_to_mirror(model: &Model, species: usize, axis: usize) -> Option<(f64, &
         [false, false] => return None,
         _ => "the opposite wall absorbs",
     };
-    let [least, most] = flow_along(model, axis).map(|flow| drift(model, species)[axis] + flow);
-    let speeds = absorbing.into_iter().zip([-least, most]).filter(|(absorbs, _)| !absorbs);
+    let [slowest, fastest] = flow_along(model, axis).map(|flow| drift(model, species)[axis] + flow);
+    let speeds = absorbing.into_iter().zip([-slowest, fastest]).filter(|(absorbs, _)| !absorbs);
     Some((speeds.map(|(_, speed)| speed).fold(0.0, f64::max), reason))
 }
 

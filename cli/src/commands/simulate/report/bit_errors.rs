@@ -133,7 +133,7 @@ fn row_of<const N: usize>(cells: [String; N], is_best: bool) -> Vec<Cell> {
 }
 
 fn thresholds(errors: &BitErrors, most: usize) -> impl Iterator<Item = u64> {
-    let last = errors.most() + 1;
+    let last = errors.max_seen() + 1;
     let step = (last / most as u64 + 1) as usize;
     (0..=last).step_by(step)
 }

@@ -1,4 +1,4 @@
-// The operations of normal.rs, in order.
+// The operations of gaussian.rs, in order.
 fn ln(value: f32) -> f32 {
     let root_half = 0x3f3504f3u;
     let shifted = bitcast<u32>(value) - root_half;
