@@ -35,7 +35,7 @@ pub fn column_of(model: &Model, receiver: usize, species: usize) -> Option<usize
     let species_of = |at: usize| (0..model.species.len()).filter(move |&k| model.receivers[at].counts(k));
     let before = (0..receiver).map(|at| species_of(at).count()).sum::<usize>();
     let first = model.species.len() + model.reactions.len() + model.decays.len();
-    species_of(receiver).position(|known| known == species).map(|own| first + before + own)
+    species_of(receiver).position(|known| known == species).map(|position| first + before + position)
 }
 
 #[cfg(test)]

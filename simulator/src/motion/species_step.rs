@@ -89,8 +89,8 @@ impl FreePaths {
     ) -> (Path, [f32; 3]) {
         let SpeciesStep { length, lengths, diffusion, ref domain, .. } = *kind;
         let StepDrift { mut drift, at_wall } = kind.drift;
-        if let Some(own) = &velocity {
-            drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.duration);
+        if let Some(velocity) = &velocity {
+            drift = std::array::from_fn(|axis| drift[axis] + velocity[axis] * self.duration);
         }
         let free_end = |drift: [f32; 3]| -> [f32; 3] {
             std::array::from_fn(|axis| before[axis] + (lengths[axis] * normal[axis] + drift[axis]))
@@ -107,8 +107,8 @@ impl FreePaths {
                 None => ends[1],
             };
             let mut still = [0.0; 3];
-            let own = velocity.unwrap_or(&mut still);
-            let carried = stream.carry(domain, [before, end], own, reflect_at_end);
+            let velocity = velocity.unwrap_or(&mut still);
+            let carried = stream.carry(domain, [before, end], velocity, reflect_at_end);
             // An array with a variable index would stay in memory instead of registers.
             let carry = |from: [f32; 3]| {
                 let along = |axis| {
@@ -123,10 +123,10 @@ impl FreePaths {
         if !self.bounded {
             return (Path { before, end, after: end, free: end, drift, diffusion }, end);
         }
-        if let Some(own) = &mut velocity {
+        if let Some(velocity) = &mut velocity {
             (0..3)
                 .filter(|&axis| domain.axes[axis].reverses(end[axis]))
-                .for_each(|axis| own[axis] = -own[axis]);
+                .for_each(|axis| velocity[axis] = -velocity[axis]);
         }
         let free_end = end;
         let mut end = end;

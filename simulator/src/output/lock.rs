@@ -161,8 +161,8 @@ mod tests {
             Lock::acquire(directory.path()).unwrap().mark_begun(7).unwrap();
             fs::read_to_string(&path).unwrap()
         };
-        for own in ["", "begun wi", "begun with seed 123456\n"] {
-            assert_eq!(marked(own), "begun with seed 7\n", "{own:?}");
+        for mark in ["", "begun wi", "begun with seed 123456\n"] {
+            assert_eq!(marked(mark), "begun with seed 7\n", "{mark:?}");
             assert!(has_begun(directory.path(), 7) && !has_begun(directory.path(), 8));
         }
         for foreign in ["4711\n", "begun without\n", " "] {

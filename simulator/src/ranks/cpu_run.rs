@@ -107,22 +107,25 @@ impl CpuRun {
         if self.simulation.dissociation.is_empty() {
             return Ok(Vec::new());
         }
-        let own = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
-        all_parents(communicator, &own.collect::<Vec<_>>())
+        let parents = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
+        all_parents(communicator, &parents.collect::<Vec<_>>())
     }
 }
 
 /// Returns the requests of all ranks for receptors. Collective.
 pub(super) fn all_requests<C: Communicator>(
     communicator: &mut C,
-    own: &[BindingRequest],
+    requests: &[BindingRequest],
 ) -> Result<Vec<BindingRequest>, C::Error> {
-    Ok(communicator.all_gather("requests for receptors", own)?.0)
+    Ok(communicator.all_gather("requests for receptors", requests)?.0)
 }
 
 /// Returns ascending ids of particles that dissociate into two. Collective.
-pub(super) fn all_parents<C: Communicator>(communicator: &mut C, own: &[u32]) -> Result<Vec<u32>, C::Error> {
-    let (mut parents, _) = communicator.all_gather("ids of particles that dissociate", own)?;
+pub(super) fn all_parents<C: Communicator>(
+    communicator: &mut C,
+    own_parents: &[u32],
+) -> Result<Vec<u32>, C::Error> {
+    let (mut parents, _) = communicator.all_gather("ids of particles that dissociate", own_parents)?;
     parents.sort_unstable();
     Ok(parents)
 }

@@ -71,17 +71,18 @@ impl GpuRun {
         if accepted.is_empty() {
             return Ok(accepted);
         }
-        let own: Vec<u64> = accepted.iter().map(|&count| count.into()).collect();
-        let all = communicator.all_reduce_sum(&own);
+        let counts: Vec<u64> = accepted.iter().map(|&count| count.into()).collect();
+        let all = communicator.all_reduce_sum(&counts);
         let free = binding::free_receptors(self.simulation.model(), occupied);
         let refused = all.iter().zip(&free).map(|(&all, &free)| [all, all.saturating_sub(free.into())]);
         let is_any_refused = refused.clone().any(|[_, refused]| refused > 0);
         if is_any_refused {
             // Reads the keys of all particles back, which is rare at a suitable time step.
-            let own = agree(communicator, self.simulation.requests_by_key(requests))?;
-            let all = all_requests(communicator, &own)?;
+            let own_requests = agree(communicator, self.simulation.requests_by_key(requests))?;
+            let all = all_requests(communicator, &own_requests)?;
             let rejected = binding::rejected(all, &free);
-            for request in own.iter().filter(|request| rejected.binary_search(&request.id()).is_ok()) {
+            for request in own_requests.iter().filter(|request| rejected.binary_search(&request.id()).is_ok())
+            {
                 accepted[request.receptor()] -= 1;
             }
         }

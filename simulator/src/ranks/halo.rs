@@ -89,12 +89,12 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
         self.communicator.agree(result.map_err(|error| self.communicator.failure(error.to_string())))
     }
 
-    fn gather<T: Pod>(&mut self, own: T) -> Vec<T> {
+    fn gather<T: Pod>(&mut self, value: T) -> Vec<T> {
         // A sum with zeros is one message; a gather asks for lengths first.
-        let own: &[u64] = bytemuck::cast_slice(std::slice::from_ref(&own));
-        let mut all = vec![0; own.len() * self.communicator.ranks() as usize];
-        let begin = own.len() * self.communicator.rank() as usize;
-        all[begin..begin + own.len()].copy_from_slice(own);
+        let words: &[u64] = bytemuck::cast_slice(std::slice::from_ref(&value));
+        let mut all = vec![0; words.len() * self.communicator.ranks() as usize];
+        let begin = words.len() * self.communicator.rank() as usize;
+        all[begin..begin + words.len()].copy_from_slice(words);
         bytemuck::cast_slice(&self.communicator.all_reduce_sum(&all)).to_vec()
     }
 

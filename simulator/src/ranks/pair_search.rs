@@ -242,9 +242,9 @@ mod tests {
         let of_ranks = threads::on(4, |mut thread| {
             let (rank, ranks) = (thread.rank(), thread.ranks());
             let mut run = Simulation::new(model.clone(), 1, Algorithm::Auto).expect("a model");
-            let mut own = Particles::default();
-            (0..4000).filter(|id| id % ranks == rank).for_each(|id| own.push(particle(id), false));
-            run.insert(&own).expect("points");
+            let mut particles = Particles::default();
+            (0..4000).filter(|id| id % ranks == rank).for_each(|id| particles.push(particle(id), false));
+            run.insert(&particles).expect("points");
             let config = Config::default().backend(Backend::Cpu);
             let search = RankPairSearch::new(&model, config, rank, ranks).expect("a detector");
             let mut search = search.expect("reactions");

@@ -121,8 +121,8 @@ impl Model {
         let before = step.constants.domain.confine(position);
         let normal = gaussian::normals(at.key.draw(id, 1, 0, Purpose::PartialStep));
         let context = at.draws_of(id);
-        let own = self.has_velocity().then_some(&mut velocity);
-        let (path, free_end) = step.paths.path(&step.constants, [before, normal], own, context);
+        let tracked_velocity = self.has_velocity().then_some(&mut velocity);
+        let (path, free_end) = step.paths.path(&step.constants, [before, normal], tracked_velocity, context);
         let velocity = self.has_velocity().then_some(velocity);
         let mut moved = ParticleMove {
             at: 0,

@@ -171,53 +171,53 @@ fn file_of_another_length_is_refused_by_name() {
 
 #[test]
 fn file_of_another_checkpoint_is_refused_by_name() {
-    let [own, later] = [STEP, STEP + 5].map(|steps| begun(7, steps, 2));
+    let [original, later] = [STEP, STEP + 5].map(|steps| begun(7, steps, 2));
     let [seed, ranks] = [begun(8, STEP, 2), begun(7, STEP, 3)];
-    let [own, later, seed, ranks] = [&own, &later, &seed, &ranks].map(|directory| directory.path());
+    let [original, later, seed, ranks] = [&original, &later, &seed, &ranks].map(|directory| directory.path());
     let part = |step: u32, rank: u32| format!("checkpoint.{step:09}.{rank}");
     for (from, name, to) in [
-        (own, part(STEP, 1), part(STEP, 0)),
-        (own, part(STEP, 0), part(STEP, 1)),
+        (original, part(STEP, 1), part(STEP, 0)),
+        (original, part(STEP, 0), part(STEP, 1)),
         (later, part(STEP + 5, 0), part(STEP, 0)),
         (seed, part(STEP, 1), part(STEP, 1)),
         (ranks, part(STEP, 0), part(STEP, 0)),
-        (own, "checkpoint".to_owned(), part(STEP, 0)),
-        (own, part(STEP, 0), "checkpoint".to_owned()),
+        (original, "checkpoint".to_owned(), part(STEP, 0)),
+        (original, part(STEP, 0), "checkpoint".to_owned()),
         (seed, "series.csv".to_owned(), "series.csv".to_owned()),
         (seed, "frames.xyz".to_owned(), "frames.xyz".to_owned()),
-        (own, "releases.csv".to_owned(), "arrivals.csv".to_owned()),
+        (original, "releases.csv".to_owned(), "arrivals.csv".to_owned()),
     ] {
         let bytes = fs::read(from.join(&name)).unwrap();
         for readers in [0, 3] {
-            assert_refuses(own, readers, &to, &bytes, &format!("{name} of another checkpoint"));
+            assert_refuses(original, readers, &to, &bytes, &format!("{name} of another checkpoint"));
         }
     }
-    let whole = fs::read(own.join("checkpoint")).unwrap();
-    fs::copy(later.join("checkpoint"), own.join("checkpoint")).unwrap();
+    let whole = fs::read(original.join("checkpoint")).unwrap();
+    fs::copy(later.join("checkpoint"), original.join("checkpoint")).unwrap();
     for rank in [0, 1] {
-        fs::copy(own.join(part(STEP, rank)), own.join(part(STEP + 5, rank))).unwrap();
+        fs::copy(original.join(part(STEP, rank)), original.join(part(STEP + 5, rank))).unwrap();
     }
-    assert_refused(own, 0, &part(STEP + 5, 0), "an older part");
+    assert_refused(original, 0, &part(STEP + 5, 0), "an older part");
     for rank in [0, 1] {
-        fs::copy(later.join(part(STEP + 5, rank)), own.join(part(STEP + 5, rank))).unwrap();
+        fs::copy(later.join(part(STEP + 5, rank)), original.join(part(STEP + 5, rank))).unwrap();
     }
-    assert_refused(own, 0, "series.csv", "an older series");
-    fs::write(own.join("checkpoint"), whole).unwrap();
-    assert_resumes(own);
+    assert_refused(original, 0, "series.csv", "an older series");
+    fs::write(original.join("checkpoint"), whole).unwrap();
+    assert_resumes(original);
 }
 
 #[test]
 fn part_of_another_checkpoint_with_equally_many_particles_is_refused() {
-    let [own, other] = [7, 8].map(|seed| begun(seed, 0, 2));
-    let [own, other] = [&own, &other].map(|directory| directory.path());
+    let [original, other] = [7, 8].map(|seed| begun(seed, 0, 2));
+    let [original, other] = [&original, &other].map(|directory| directory.path());
     let parts = ["checkpoint.000000000.0", "checkpoint.000000000.1"];
     for (from, name, to) in
-        [(own, parts[0], parts[1]), (own, parts[1], parts[0]), (other, parts[0], parts[0])]
+        [(original, parts[0], parts[1]), (original, parts[1], parts[0]), (other, parts[0], parts[0])]
     {
         let bytes = fs::read(from.join(name)).unwrap();
-        assert_refuses(own, 0, to, &bytes, &format!("{name} of another checkpoint"));
+        assert_refuses(original, 0, to, &bytes, &format!("{name} of another checkpoint"));
     }
-    assert_resumes(own);
+    assert_resumes(original);
 }
 
 #[test]

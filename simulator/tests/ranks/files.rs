@@ -294,9 +294,9 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     refused("directory", Run { directory: directory.path().join("elsewhere"), ..base() });
     refused("seed", with(|scenario| scenario.seed = 8));
     refused("model", with(|scenario| scenario.model.reactions[0].binding_radius = 1.0_f32.next_up()));
-    let own = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
+    let differing = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
     let ends = threads::on(3, |thread| {
-        let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { own.clone() } else { base() };
+        let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { differing.clone() } else { base() };
         run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
     });
     assert_eq!(ends, vec![Ok(RunEnd::Finished); 3]);

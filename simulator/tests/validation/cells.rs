@@ -66,7 +66,7 @@ fn transformed(p: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -
         let [f, slope] = function(r);
         r * slope / q - f / (q * q)
     };
-    let [own, other] = match from == 0.0 {
+    let [inner, outer] = match from == 0.0 {
         true => {
             let near = (-q * R).exp() / (4.0 * PI * D);
             [AtMembrane(near, -q * near), AtMembrane(0.0, 0.0)]
@@ -80,9 +80,9 @@ fn transformed(p: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -
     let layer = AtMembrane(f, q * slope);
     let out = AtMembrane(1.0, -q);
     let ratio = layer.gradient() / out.gradient();
-    let begun = (own.gradient() - other.gradient()) / out.gradient();
-    let jump = other.concentration() - own.concentration() + begun * out.concentration();
-    let a = (permeability * jump - D * own.gradient())
+    let begun = (inner.gradient() - outer.gradient()) / out.gradient();
+    let jump = outer.concentration() - inner.concentration() + begun * out.concentration();
+    let a = (permeability * jump - D * inner.gradient())
         / (D * layer.gradient() + permeability * (layer.concentration() - ratio * out.concentration()));
     let of_source = if from == 0.0 { (1.0 - (1.0 + q * R) * (-q * R).exp()) / p } else { 0.0 };
     Fractions {

@@ -163,8 +163,8 @@ fn taken_for(modulation: &str, sent: &[u32], fractions: &[f64]) -> [f64; 4] {
         return taken;
     }
     let of = |species: u32| {
-        let own = (0..sent.len()).filter(|&k| sent[k] == species).map(|k| (OF_A_SPECIES, ago(k)));
-        arrivals_of(&own.collect::<Vec<_>>())
+        let bursts = (0..sent.len()).filter(|&k| sent[k] == species).map(|k| (OF_A_SPECIES, ago(k)));
+        arrivals_of(&bursts.collect::<Vec<_>>())
     };
     let counts = [0, 1, 2, 3].map(of);
     std::array::from_fn(|symbol| {

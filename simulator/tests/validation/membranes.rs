@@ -102,8 +102,8 @@ pub(crate) fn membranes() -> Vec<Row> {
     let (reached, found) = (1.0 - (0..20).map(mode).sum::<f64>(), before as f64 / f64::from(N));
     rows.push(Row::fraction("closed, arrived at the wall before it", reached, found, N));
     rows.push(Row::new("closed, passed", 0.0, fraction(&closed, 50, 13, [-1e9, 0.0]), 0.0));
-    let own = closed.receivers.iter_mut();
-    own.for_each(|receiver| (receiver.velocity, receiver.diffusion) = ([1.0, 0.0, 0.0], 0.5));
+    let receivers = closed.receivers.iter_mut();
+    receivers.for_each(|receiver| (receiver.velocity, receiver.diffusion) = ([1.0, 0.0, 0.0], 0.5));
     let simulation = run_for(&closed, 15, 50);
     let arrived = simulation.state().totals.arrived[0][0];
     rows.push(Row::exact("closed, arrived at one that moves", 0, arrived));

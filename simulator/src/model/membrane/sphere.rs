@@ -217,9 +217,9 @@ impl Ray<'_> {
     /// Returns `None` if no correction puts the end on the right side of each sphere.
     fn end(&self) -> Option<SphereEnd> {
         let is_right = |point: [f32; 3]| {
-            let own =
+            let is_on_side =
                 |(sphere, is_inside): &(Sphere, bool)| sphere.contains(self.domain, point) == *is_inside;
-            self.spheres.iter().all(own)
+            self.spheres.iter().all(is_on_side)
         };
         let free = self.at.map(|x| x as f32);
         let confined = self.domain.confine(free);

@@ -17,7 +17,7 @@ pub(crate) trait Halo {
     fn agree<T>(&self, result: Result<T, Error>) -> Result<T, Self::Error>;
 
     /// Returns the values of all ranks. A value consists of 64-bit words.
-    fn gather<T: Pod>(&mut self, own: T) -> Vec<T>;
+    fn gather<T: Pod>(&mut self, value: T) -> Vec<T>;
 
     /// Appends the ghosts: at least the movers of other ranks up to [`HOPS`] candidate pairs away. Surfaces of a
     /// candidate pair are within twice the `allowance`.
@@ -38,8 +38,8 @@ impl Halo for SingleProcess {
         result
     }
 
-    fn gather<T: Pod>(&mut self, own: T) -> Vec<T> {
-        vec![own]
+    fn gather<T: Pod>(&mut self, value: T) -> Vec<T> {
+        vec![value]
     }
 
     fn add_ghosts(&mut self, _: &mut Vec<Mover>, _: f64) -> Result<(), Error> {

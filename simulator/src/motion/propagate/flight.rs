@@ -39,8 +39,8 @@ impl Propagator {
             tumbles.apply(before, &mut tumbled_velocity, words, &kind.domain);
         }
         let mut velocity = tumbled_velocity;
-        let mutable_velocity = self.with_velocity.then_some(&mut velocity);
-        let (path, free_end) = self.paths.path(kind, [before, normal], mutable_velocity, context);
+        let tracked_velocity = self.with_velocity.then_some(&mut velocity);
+        let (path, free_end) = self.paths.path(kind, [before, normal], tracked_velocity, context);
         Flight { path, free_end, tumbled_velocity, velocity }
     }
 }

@@ -146,10 +146,10 @@ fn drift_to_a_plane_wall_is_warned_of_if_the_wall_mirrors_paths() {
     assert_eq!(warnings("0.01", "count", drift), [""; 0]);
     let plug = "[flow]\nprofile = 'plug'\nvelocity = [-100, 0, 0]";
     assert_eq!(warnings("0.01", "separate", plug).len(), 1);
-    for own in ["speed = 20", "thermal-speed = 5"] {
-        let messages = warnings("0.01", "ignore", &format!("{drift}\n{own}"));
+    for speed in ["speed = 20", "thermal-speed = 5"] {
+        let messages = warnings("0.01", "ignore", &format!("{drift}\n{speed}"));
         assert_warns(&messages, "because the species has a speed or thermal-speed");
-        assert_eq!(warnings("0.01", "ignore", own), [""; 0]);
+        assert_eq!(warnings("0.01", "ignore", speed), [""; 0]);
     }
     let wall = |face: &str| format!("{drift}\n[[receiver]]\nname = 'rx'\nkind = 'wall'\nface = '{face}'\n");
     let messages = warnings("0.01", "ignore", &wall("high-z"));

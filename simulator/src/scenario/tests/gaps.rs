@@ -155,8 +155,8 @@ fn drift_to_a_wall_without_diffusion_is_warned_of() {
     let boxed = reflecting("[6, 90, 90]");
     let text = |time_step: &str, face: &str| {
         let wall = format!("[[receiver]]\nname = 'w'\nkind = 'wall'\nface = '{face}'\n");
-        let own = "[[species]]\nname = 'A'\nradius = 0.5\ndrift = [2, 0, 0]\n";
-        parse(&format!("time-step = {time_step}\nsteps = 3\n{boxed}{own}{wall}")).unwrap().warnings
+        let species = "[[species]]\nname = 'A'\nradius = 0.5\ndrift = [2, 0, 0]\n";
+        parse(&format!("time-step = {time_step}\nsteps = 3\n{boxed}{species}{wall}")).unwrap().warnings
     };
     let found = text("0.051", "low-x");
     assert_warns(&found, "a step takes A 0.102 µm by drift towards a wall, 5.000 µm from the opposite one");

@@ -155,19 +155,20 @@ fn advice_about_surfaces_is_right_when_followed() {
     ];
     for (text, message) in surfaces {
         let text = with(text).replace("high = [1, 1, 1.5]", "high = [90, 90, 90]");
-        let own = |text: &str| {
+        let find_warning = |text: &str| {
             let warnings = parse(text).unwrap().warnings;
             warnings.into_iter().find(|warning| warning.contains(message))
         };
-        let warning = own(&text).unwrap_or_else(|| panic!("{text}: {:?}", parse(&text).unwrap().warnings));
+        let warning =
+            find_warning(&text).unwrap_or_else(|| panic!("{text}: {:?}", parse(&text).unwrap().warnings));
         let step = warning.split("time-step = ").nth(1).and_then(|rest| rest.split(' ').next()).unwrap();
         assert_eq!(
-            own(&text.replace("time-step = 0.001", &format!("time-step = {step}"))),
+            find_warning(&text.replace("time-step = 0.001", &format!("time-step = {step}"))),
             None,
             "{warning}"
         );
         let longer = 1.05 * step.parse::<f64>().unwrap();
-        assert!(own(&text.replace("0.001", &longer.to_string())).is_some(), "{warning}");
+        assert!(find_warning(&text.replace("0.001", &longer.to_string())).is_some(), "{warning}");
     }
 }
 
