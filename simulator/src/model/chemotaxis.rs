@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn gradients_are_those_of_the_concentrations() {
+    fn gradients_match_the_concentrations() {
         let profiles = [
             AttractantProfile::Linear { level: 5.0, gradient: [0.5, -1.0, 0.25] },
             AttractantProfile::Gaussian { peak: 3.0, width: 2.0 },

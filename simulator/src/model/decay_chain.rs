@@ -117,7 +117,7 @@ mod tests {
     }
 
     #[test]
-    fn fast_decay_without_a_fast_way_back_is_accepted() {
+    fn fast_decay_without_a_fast_reverse_is_accepted() {
         assert_eq!(faulty_chain(&cycle([1e12, 1.0], 1e-3)), None);
         assert_eq!(faulty_chain(&cycle([1e12, 0.0], 1e-3)), None);
         let mut dissociating = cycle([3e6, 1e6], 1e-3);

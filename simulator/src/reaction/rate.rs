@@ -251,7 +251,7 @@ mod tests {
     /// Relative to the volume of the ball, a small one absorbs 1 − ε, ε = (4/3)πb³·Σ over n of (2πn)^(−3/2): after n
     /// steps, the hole that it leaves has spread to this density at the center. The next terms are of the order εb².
     #[test]
-    fn rates_of_long_steps_are_those_of_well_mixed_partners() {
+    fn rates_of_long_steps_match_well_mixed_partners() {
         const ZETA: f64 = 2.612_375_348_685_488;
         let pi = std::f64::consts::PI;
         for k in 0..=28 {

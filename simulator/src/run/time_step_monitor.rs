@@ -103,7 +103,7 @@ mod tests {
     }
 
     #[test]
-    fn steps_of_continuous_release_count_and_those_with_bursts_do_not() {
+    fn steps_with_bursts_do_not_count_and_others_do() {
         let reaction = Reaction { name: "A + A -> 0".into(), ..Reaction::default() };
         let steady = Schedule::Steady { from: 0.0, until: f64::INFINITY, rates: vec![(0, 1e4)] };
         let bursts = Transmitter { release: vec![(0, 9)], ..Transmitter::default() };

@@ -45,7 +45,7 @@ fn distance(a: &Particles, b: &Particles, boundary: &Boundary) -> f32 {
 }
 
 #[test]
-fn collisions_are_those_of_the_cpu() {
+fn collisions_match_the_cpu() {
     let Some(device) = device() else { return };
     for contact in [Contact::Separate, Contact::Elastic] {
         for case in 0..5 {

@@ -21,7 +21,7 @@ fn degrading() -> Model {
 }
 
 #[test]
-fn dissociations_before_hits_are_those_of_the_cpu() {
+fn dissociations_before_hits_match_the_cpu() {
     let mut model = degrading();
     model.decays.truncate(1);
     model.decays[0].rate = 10.0;
@@ -95,7 +95,7 @@ fn assert_logged(runs: &Runs, logged: Vec<[u64; 2]>) {
 }
 
 #[test]
-fn decays_before_hits_are_those_of_the_cpu() {
+fn decays_before_hits_match_the_cpu() {
     let Some(device) = device() else { return };
     let reflecting = degrading();
     let mut passing = reflecting.clone();

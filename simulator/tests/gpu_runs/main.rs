@@ -86,7 +86,7 @@ fn halted_runs_resume_with_the_same_results() {
 }
 
 #[test]
-fn steps_may_be_asked_for_in_any_portions() {
+fn steps_may_run_in_any_portions() {
     let Some(device) = device() else { return };
     let model = brownian(true);
     let mut at_once = gpu(&device, &model, 4);

@@ -162,7 +162,7 @@ fn surfaces_among_membranes_reflect_as_on_the_cpu() {
 }
 
 #[test]
-fn moving_receivers_among_membranes_are_those_of_the_cpu() {
+fn moving_receivers_among_membranes_match_the_cpu() {
     let Some(_) = device() else { return };
     for (seed, boundary) in (101..).zip([brownian(false).boundary, Boundary::periodic([-2.0; 3], [2.0; 3])]) {
         for mut model in [planes(0.005), cells(0.005), surfaces_among_membranes()] {

@@ -46,7 +46,7 @@ pub(super) fn compare(model: &Model, seed: u64, steps: u32) -> State {
 }
 
 #[test]
-fn arrivals_since_the_release_are_those_of_the_cpu() {
+fn arrivals_since_the_release_match_the_cpu() {
     let Some(device) = device() else { return };
     let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 4e4)] };
     let steady = |center| Transmitter { center, schedule: schedule.clone(), ..burst(Shape::Point, &[]) };

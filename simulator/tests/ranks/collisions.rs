@@ -121,7 +121,7 @@ fn reacting(contact: Contact) -> Model {
 }
 
 #[test]
-fn overlaps_and_reactions_are_those_of_one_process() {
+fn overlaps_and_reactions_match_one_process() {
     for contact in [Contact::Separate, Contact::Elastic] {
         let model = reacting(contact);
         let totals = &alone(&model, 7, 10).pop().unwrap().state.totals;
@@ -132,7 +132,7 @@ fn overlaps_and_reactions_are_those_of_one_process() {
 }
 
 #[test]
-fn bursts_of_points_and_reactants_are_those_of_one_process() {
+fn bursts_of_points_and_reactants_match_one_process() {
     for contact in [Contact::Separate, Contact::Elastic] {
         let mut model = crowd(contact, 0.2, 6);
         let Axis::Periodic { high, .. } = model.boundary.axes[0] else { unreachable!() };
@@ -180,7 +180,7 @@ fn around_receivers() -> Model {
 }
 
 #[test]
-fn receivers_and_reactions_within_contact_equal_those_of_one_process() {
+fn receivers_and_reactions_within_contact_match_one_process() {
     let model = around_receivers();
     let totals = &alone(&model, 7, 8).pop().unwrap().state.totals;
     assert!(totals.reacted[0] > 20 && totals.contacts > 100, "{totals:?}");

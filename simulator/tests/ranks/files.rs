@@ -245,7 +245,7 @@ fn one_rank_stops_all_and_the_run_can_continue() {
 }
 
 #[test]
-fn lost_part_is_named_and_run_is_not_replaced_unasked() {
+fn lost_part_is_named_and_run_is_not_replaced() {
     let directory = tempfile::tempdir().unwrap();
     go(&run(directory.path(), 10, false), 2);
     std::fs::remove_file(directory.path().join("checkpoint.000000010.1")).unwrap();

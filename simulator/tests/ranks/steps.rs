@@ -225,7 +225,7 @@ fn chemotaxis_over_ranks_equals_one_process() {
 }
 
 #[test]
-fn the_algorithm_is_no_part_of_a_result() {
+fn result_does_not_depend_on_the_algorithm() {
     let model = model(&everything());
     let expected = alone(&model, 5, 10);
     for algorithm in [Algorithm::ArrayGrid, Algorithm::Naive] {

@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn page_has_a_mark_for_each_part() {
+    fn page_has_a_mark_for_each_section() {
         let mut rest = PAGE;
         for mark in ["{{title}}", "{{scene}}", "{{frames}}", "{{script}}"] {
             rest = rest.split_once(mark).unwrap().1;

@@ -147,7 +147,7 @@ fn crowd_does_not_push_particles_into_a_receiver() {
 }
 
 #[test]
-fn spheres_that_a_search_finds_equal_those_of_all_tests() {
+fn spheres_found_by_a_search_match_all_tests() {
     let point = |k: u32| {
         let [x, y, z, by] = philox([k, 0, 0, 0], [3, 4]).map(open_unit);
         ([10.0 * x, 10.0 * y, 10.0 * z], 0.6 * by)
