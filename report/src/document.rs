@@ -38,11 +38,11 @@ pub struct Table {
 #[derive(Clone, Debug)]
 pub struct Cell {
     pub text: String,
-    pub kind: Kind,
+    pub kind: CellKind,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum CellKind {
     Plain,
     Best,
     Absent,
@@ -51,6 +51,6 @@ pub enum Kind {
 
 impl Cell {
     pub fn plain(text: impl Into<String>) -> Self {
-        Self { text: text.into(), kind: Kind::Plain }
+        Self { text: text.into(), kind: CellKind::Plain }
     }
 }

@@ -1,6 +1,6 @@
 use std::fmt::Write;
 
-use crate::document::{Cell, Document, Kind, Section, Table};
+use crate::document::{Cell, CellKind, Document, Section, Table};
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222;\
 background:#fff}table{border-collapse:collapse;margin:.5rem 0 1.5rem;font-size:.9rem;font-variant-numeric:tabular-nums}\
@@ -57,10 +57,10 @@ fn add_table(out: &mut String, table: &Table) {
 
 fn cell(cell: &Cell) -> String {
     let class = match cell.kind {
-        Kind::Plain => "",
-        Kind::Best => " class=\"best\"",
-        Kind::Absent => " class=\"absent\"",
-        Kind::Error => " class=\"error\"",
+        CellKind::Plain => "",
+        CellKind::Best => " class=\"best\"",
+        CellKind::Absent => " class=\"absent\"",
+        CellKind::Error => " class=\"error\"",
     };
     format!("<td{class}>{}</td>", escaped(&cell.text))
 }

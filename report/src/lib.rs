@@ -9,4 +9,4 @@ pub mod number;
 pub mod plot;
 
 pub use axis::{Quantity, Scale};
-pub use document::{Cell, Document, Kind, Note, Plot, Section, Table};
+pub use document::{Cell, CellKind, Document, Note, Plot, Section, Table};

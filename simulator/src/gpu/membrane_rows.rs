@@ -3,7 +3,7 @@ use glam::UVec2;
 use crate::model::membrane::{MAX_SUBSTEPS, MembraneSurface, narrowest_gaps, substep_count};
 use crate::{Axis, Boundary, Model, Species};
 
-pub(super) type Row = [u32; 4];
+pub(super) type MembraneRow = [u32; 4];
 
 /// Largest number of spherical membranes of a species, as in `membrane_spheres.wgsl`.
 pub(super) const MAX_SPHERES: usize = 100;
@@ -17,9 +17,9 @@ const ROUNDING: [f32; 2] = [1e-6, 2e-7];
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct MembraneRows {
-    pub(super) planes: Vec<Row>,
+    pub(super) planes: Vec<MembraneRow>,
     /// Two rows each.
-    pub(super) spheres: Vec<Row>,
+    pub(super) spheres: Vec<MembraneRow>,
 }
 
 impl MembraneRows {

@@ -7,7 +7,7 @@ use lazygrid::gpu::{DeviceLimits, GpuDevice, wgpu};
 
 use super::device::{buffer, refused, with_error_scope};
 use super::layout::{Params, SpeciesRow};
-use super::membrane_rows::{MembraneRows, Row};
+use super::membrane_rows::{MembraneRow, MembraneRows};
 use super::receiver_trajectory::max_rows;
 use crate::Error;
 use crate::model::Model;
@@ -23,7 +23,7 @@ const CHUNKS_PER_SUBMISSION: usize = 16;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct SceneRows {
     receivers: usize,
-    membranes: Vec<Row>,
+    membranes: Vec<MembraneRow>,
     field: Option<Arc<FlowField>>,
 }
 

@@ -24,7 +24,7 @@
 //! reaction rates*, Journal of Colloid Science 4 (1949) 425).
 //!
 //! *Desorption* follows from detailed balance: in equilibrium, as many particles desorb to each height as adsorb from
-//! it. The total adsorbed from a uniform concentration ([`Step::volume`]) gives the probability. The equilibrium
+//! it. The total adsorbed from a uniform concentration ([`AdsorptionStep::volume`]) gives the probability. The equilibrium
 //! constant is that of the rates at any time step.
 
 use std::f64::consts::PI;
@@ -38,7 +38,7 @@ pub(crate) fn reactivity(binding_rate: f64, free: u32, radius: f64) -> f64 {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Step {
+pub(crate) struct AdsorptionStep {
     /// √(DΔt).
     length: f64,
     /// In µm.
@@ -49,7 +49,7 @@ pub(crate) struct Step {
     all: f64,
 }
 
-impl Step {
+impl AdsorptionStep {
     /// `diffusion` is DΔt, with D the sum of both coefficients.
     pub(crate) fn new(diffusion: f64, time_step: f64, (radius, reactivity): (f64, f64)) -> Self {
         let length = diffusion.sqrt();
@@ -130,12 +130,12 @@ mod tests {
     use super::*;
     use crate::random::philox::{Key, Purpose};
 
-    fn collins_kimball(step: &Step, a: f64) -> f64 {
+    fn collins_kimball(step: &AdsorptionStep, a: f64) -> f64 {
         let y = a / (2.0 * step.length);
         step.scaled_reactivity / step.all * libm::exp(-y * y) * step.taken_from(y)
     }
 
-    fn over_heights(step: &Step, f: impl Fn(f64) -> f64) -> f64 {
+    fn over_heights(step: &AdsorptionStep, f: impl Fn(f64) -> f64) -> f64 {
         let (n, end) = (20_000, 14.0 * step.length);
         (0..n).map(|k| f((f64::from(k) + 0.5) * end / f64::from(n))).sum::<f64>() * end / f64::from(n)
     }
@@ -143,8 +143,10 @@ mod tests {
     const CASES: [(f64, f64, f64); 4] =
         [(0.01, 1.0, 1e-3), (0.01, 1.0, 3.0), (0.2, 1.0, 1e4), (1e-6, 2.0, 0.5)];
 
-    fn steps() -> impl Iterator<Item = Step> {
-        CASES.into_iter().map(|(diffusion, radius, kappa)| Step::new(diffusion, 0.1, (radius, kappa)))
+    fn steps() -> impl Iterator<Item = AdsorptionStep> {
+        CASES
+            .into_iter()
+            .map(|(diffusion, radius, kappa)| AdsorptionStep::new(diffusion, 0.1, (radius, kappa)))
     }
 
     #[test]
@@ -168,7 +170,7 @@ mod tests {
         for (diffusion, radius, kappa) in
             [(0.04, 1.0, 3.0), (1.0, 1.0, 0.5), (9.0, 1.0, 5.0), (40.0, 0.5, 1.0)]
         {
-            let step = Step::new(diffusion, 0.1, (radius, kappa));
+            let step = AdsorptionStep::new(diffusion, 0.1, (radius, kappa));
             for a in [0.1, 0.5, 2.0].map(|a| a * radius) {
                 let from = radius + a;
                 let bell = |x: f64| {
@@ -203,7 +205,7 @@ mod tests {
             });
             assert!((sum / step.volume() - 1.0).abs() < 1e-5, "{step:?}: {sum} and {}", step.volume());
         }
-        let step = Step::new(0.01, 0.1, (1.0, 1e-6));
+        let step = AdsorptionStep::new(0.01, 0.1, (1.0, 1e-6));
         assert!((step.volume() / (4.0 * PI * 1e-7) - 1.0).abs() < 1e-5);
         assert!((step.effective_fraction() - 1.0).abs() < 1e-5);
     }
@@ -226,7 +228,7 @@ mod tests {
 
     #[test]
     fn an_infinite_reactivity_absorbs() {
-        let step = Step::new(0.01, 0.1, (1e9, 1e9));
+        let step = AdsorptionStep::new(0.01, 0.1, (1e9, 1e9));
         assert!(
             (step.sticking([0.0; 2]) - 1.0).abs() < 1e-6 && (step.sticking([0.1, 0.2]) - 1.0).abs() < 1e-6
         );
@@ -236,7 +238,7 @@ mod tests {
     #[test]
     fn weak_adsorption_matches_andrews() {
         let (diffusion, time_step, kappa) = (0.5, 1.0, 1e-4);
-        let step = Step::new(diffusion, time_step, (1e9, kappa));
+        let step = AdsorptionStep::new(diffusion, time_step, (1e9, kappa));
         let beyond = (diffusion / PI).sqrt();
         let andrews = beyond * kappa * (2.0 * PI).sqrt();
         let mean = step.volume() / (4.0 * PI * 1e18);

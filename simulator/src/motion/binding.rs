@@ -7,7 +7,7 @@ use crate::model::Model;
 use crate::model::membrane::MembraneStep;
 use crate::model::receiver::{Receiver, rounding, signed_distance};
 use crate::model::receptors::ReceptorType;
-use crate::motion::adsorption::{Step, reactivity};
+use crate::motion::adsorption::{AdsorptionStep, reactivity};
 use crate::motion::surface_events::Event;
 use crate::random::philox::{Draws, Purpose, StepKey};
 
@@ -44,14 +44,14 @@ pub(crate) fn desorption(
     receiver: &Receiver,
     species: u32,
     free: impl Fn(usize) -> u32,
-) -> Step {
+) -> AdsorptionStep {
     let diffusion = (model.species[species as usize].diffusion + receiver.diffusion) * model.time_step;
     let radius = f64::from(receiver.radius);
     let of_type = |(kind, one): (usize, &ReceptorType)| {
         one.ligand(species).map_or(0.0, |ligand| reactivity(ligand.binding_rate, free(kind), radius))
     };
     let reactivity = receiver.receptor_types().iter().enumerate().map(of_type).sum();
-    Step::new(diffusion, model.time_step, (radius, reactivity))
+    AdsorptionStep::new(diffusion, model.time_step, (radius, reactivity))
 }
 
 pub(crate) fn leaving(

@@ -293,24 +293,24 @@ const CUTS: usize = 1000;
 
 fn path_line_hit(state: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let line =
-        Line { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, duration: 1.0 };
+        PathLine { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, duration: 1.0 };
     let Some(corners) = corners(domain, path, path.free) else { return line_hit(state, domain, line) };
     corners.windows(2).find_map(|ends| {
         let &[(begin, from), (end, to)] = ends else { return None };
-        line_hit(state, domain, Line { ends: [from, to], begin, duration: end - begin })
+        line_hit(state, domain, PathLine { ends: [from, to], begin, duration: end - begin })
     })
 }
 
 #[derive(Clone, Copy)]
-struct Line {
+struct PathLine {
     ends: [[f64; 3]; 2],
     begin: f64,
     duration: f64,
 }
 
 /// Cuts the line at plane walls and at changes of the receiver's nearest image.
-fn line_hit(state: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> {
-    let Line { ends: [from, to], begin, duration: of_step } = line;
+fn line_hit(state: &ReceiverState, domain: &Boundary, line: PathLine) -> Option<Hit> {
+    let PathLine { ends: [from, to], begin, duration: of_step } = line;
     let line_displacement: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let radius = f64::from(state.receiver.radius);
     let center = state.center_at(begin as f32);

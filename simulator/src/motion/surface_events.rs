@@ -194,7 +194,8 @@ fn adsorb(
         Adsorption::Reactivity(reactivity) => {
             let diffusion = f64::from(path.diffusion + state.diffusion);
             let sphere = (f64::from(state.curved_radius()), reactivity);
-            adsorption::Step::new(diffusion, time_step.into(), sphere).sticking([a, b].map(f64::from))
+            adsorption::AdsorptionStep::new(diffusion, time_step.into(), sphere)
+                .sticking([a, b].map(f64::from))
         }
     };
     // The first word has decided on the hit.

@@ -21,7 +21,7 @@ pub(super) const FILE_NAMES: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
 const BATCH_ROWS: usize = 1 << 16;
 
 #[derive(Clone)]
-enum Kind {
+enum ColumnKind {
     Whole,
     Large,
     Number,
@@ -30,32 +30,32 @@ enum Kind {
 
 struct Column {
     name: &'static str,
-    kind: Kind,
+    kind: ColumnKind,
     nullable: bool,
 }
 
 pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
-    let name_kind = |names: Vec<&str>| Kind::Name(Arc::new(StringArray::from(names)));
+    let name_kind = |names: Vec<&str>| ColumnKind::Name(Arc::new(StringArray::from(names)));
     let receivers = name_kind(model.receivers.iter().map(|receiver| &receiver.name[..]).collect());
     let species = name_kind(model.species.iter().map(|species| &species.name[..]).collect());
     let transmitters =
         name_kind(model.transmitters.iter().map(|transmitter| &transmitter.name[..]).collect());
-    let column = |name, kind: &Kind, nullable| Column { name, kind: kind.clone(), nullable };
+    let column = |name, kind: &ColumnKind, nullable| Column { name, kind: kind.clone(), nullable };
     let arrivals = [
-        column("step", &Kind::Whole, false),
-        column("time", &Kind::Number, false),
+        column("step", &ColumnKind::Whole, false),
+        column("time", &ColumnKind::Number, false),
         column("receiver", &receivers, false),
         column("species", &species, false),
-        column("id", &Kind::Whole, false),
+        column("id", &ColumnKind::Whole, false),
         column("transmitter", &transmitters, true),
-        column("released", &Kind::Number, true),
+        column("released", &ColumnKind::Number, true),
     ];
     let releases = [
-        column("step", &Kind::Whole, false),
-        column("time", &Kind::Number, false),
+        column("step", &ColumnKind::Whole, false),
+        column("time", &ColumnKind::Number, false),
         column("transmitter", &transmitters, false),
         column("species", &species, false),
-        column("count", &Kind::Large, false),
+        column("count", &ColumnKind::Large, false),
     ];
     for (name, columns) in FILE_NAMES.into_iter().zip([&arrivals[..], &releases]) {
         let from = directory.join(name).with_extension("csv");
@@ -114,7 +114,7 @@ fn other(error: ArrowError) -> io::Error {
     }
 }
 
-impl Kind {
+impl ColumnKind {
     fn data_type(&self) -> DataType {
         match self {
             Self::Whole => DataType::UInt32,

@@ -20,7 +20,7 @@ pub(super) fn remaining_bytes(
     if !model.logs_arrivals {
         return 0.0;
     }
-    let row = Row::new(model, [from, steps]);
+    let row = RowEstimate::new(model, [from, steps]);
     let removes = |receiver: &Receiver| !receiver.is_momentary() && receiver.sees.contains(&true);
     let arrivals = if model.receivers.iter().any(removes) { ids } else { 0.0 };
     let occupied = f64::from(steps / every - from / every) * occupancy_rows(model, steps, present);
@@ -34,21 +34,21 @@ pub(super) fn next(run: &impl RunView) -> f64 {
         return 0.0;
     }
     let later = step.saturating_add(LOGGED_STEPS);
-    let row = Row::new(model, [step, later]);
+    let row = RowEstimate::new(model, [step, later]);
     let arrivals = (run.arrivals().len() as u64 + LOGGED_ARRIVALS) as f64;
     let ids = run.totals().released.iter().sum::<u64>() as f64;
     let occupied = occupancy_rows(model, step, run.totals().present.iter().sum::<u64>() as f64);
     arrivals * row.arrival(ids) + releases(model, [step, later]) * row.release() + occupied * row.occupancy()
 }
 
-struct Row {
+struct RowEstimate {
     moment: f64,
     receiver: f64,
     species: f64,
     transmitter: f64,
 }
 
-impl Row {
+impl RowEstimate {
     fn new(model: &Model, window: [u32; 2]) -> Self {
         let longest = |lengths: &mut dyn Iterator<Item = usize>| 1.0 + lengths.max().unwrap_or(0) as f64;
         Self {

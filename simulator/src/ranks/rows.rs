@@ -9,7 +9,7 @@ const CHUNK: usize = 4096;
 
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
-pub(super) struct Row {
+pub(super) struct ParticleRow {
     position: [f32; 3],
     velocity: [f32; 3],
     radius: f32,
@@ -17,14 +17,14 @@ pub(super) struct Row {
     id: u32,
 }
 
-pub(super) fn row(particles: &Particles, at: u32) -> Row {
+pub(super) fn row(particles: &Particles, at: u32) -> ParticleRow {
     let Particle { position, velocity, radius, species, id } = particles.get(at as usize);
-    Row { position, velocity, radius, species, id }
+    ParticleRow { position, velocity, radius, species, id }
 }
 
-pub(super) fn particles(rows: &[Row], with_velocity: bool) -> Particles {
+pub(super) fn particles(rows: &[ParticleRow], with_velocity: bool) -> Particles {
     let mut particles = Particles::default();
-    for &Row { position, velocity, radius, species, id } in rows {
+    for &ParticleRow { position, velocity, radius, species, id } in rows {
         particles.push(Particle { position, velocity, radius, species, id }, with_velocity);
     }
     particles

@@ -28,7 +28,7 @@ pub struct Decays {
 struct SpeciesDecays {
     /// In 1/s.
     rate: f64,
-    channels: Vec<Channel>,
+    channels: Vec<DecayChannel>,
     dissociation: Option<DissociationTime>,
 }
 
@@ -59,7 +59,7 @@ impl DissociationTime {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Channel {
+pub(crate) struct DecayChannel {
     pub(crate) up_to: u32,
     /// Cumulative fraction of the rate.
     pub(crate) cumulative_fraction: f64,
@@ -138,7 +138,7 @@ impl Decays {
 
     /// Returns the channels, which share 1 − exp(−ΣkΔt) in proportion to their rates k.
     #[cfg(feature = "gpu")]
-    pub(crate) fn channels(&self, species: u32) -> &[Channel] {
+    pub(crate) fn channels(&self, species: u32) -> &[DecayChannel] {
         &self.kinds[species as usize].channels
     }
 
@@ -232,8 +232,8 @@ impl Decays {
 }
 
 impl SpeciesDecays {
-    fn chained(&self, channel: &Channel, left: f64, word: u32) -> ChainedDecay {
-        let Channel { decay, product, .. } = *channel;
+    fn chained(&self, channel: &DecayChannel, left: f64, word: u32) -> ChainedDecay {
+        let DecayChannel { decay, product, .. } = *channel;
         ChainedDecay { decay, product, rate: self.rate, left, word }
     }
 }
@@ -255,7 +255,7 @@ fn kind(model: &Model, species: u32) -> SpeciesDecays {
     let channel = |(index, decay): (usize, &crate::model::Decay)| {
         cumulative_fraction += decay.rate / rate;
         let up_to = probability_threshold(probability * cumulative_fraction)?;
-        Some(Channel { up_to, cumulative_fraction, decay: index as u32, product: decay.products[0] })
+        Some(DecayChannel { up_to, cumulative_fraction, decay: index as u32, product: decay.products[0] })
     };
     SpeciesDecays { rate, channels: decays().filter_map(channel).collect(), dissociation: None }
 }

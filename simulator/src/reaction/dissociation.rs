@@ -16,13 +16,13 @@ use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
     /// Indexed by species.
-    channels: Vec<Vec<(u32, Channel)>>,
+    channels: Vec<Vec<(u32, DissociationChannel)>>,
     any: bool,
     boundary: Boundary,
 }
 
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Channel {
+pub(crate) struct DissociationChannel {
     pub(crate) decay: u32,
     pub(crate) products: [Option<Product>; 2],
     pub(crate) unbinding: Unbinding,
@@ -88,7 +88,7 @@ impl Dissociation {
                 _ => 0.0,
             };
             let products = products.map(|species| species.map(product));
-            Channel { decay: index as u32, products, unbinding, first_fraction }
+            DissociationChannel { decay: index as u32, products, unbinding, first_fraction }
         };
         let of_species = |species: u32| {
             let words = channel_words(model, species).into_iter();
@@ -104,7 +104,7 @@ impl Dissociation {
     }
 
     #[cfg(feature = "gpu")]
-    pub(crate) fn channels(&self, species: u32) -> &[(u32, Channel)] {
+    pub(crate) fn channels(&self, species: u32) -> &[(u32, DissociationChannel)] {
         &self.channels[species as usize]
     }
 

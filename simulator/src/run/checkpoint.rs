@@ -18,7 +18,7 @@ use crate::error::Damage;
 use crate::motion::binding::Bound;
 pub use crate::output::append_file::FileRecord;
 use crate::release::rank_slice::RankSlice;
-use crate::run::sealed::{self, Kind};
+use crate::run::sealed::{self, FileKind};
 use crate::{Error, Model, Particles, State};
 
 /// All data to continue a run bit for bit, except the particles of ranks, which have a file each.
@@ -70,7 +70,7 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Write`].
     pub fn write(&self, path: &Path) -> Result<(), Error> {
-        sealed::write(path, Kind::Whole, self)?;
+        sealed::write(path, FileKind::Whole, self)?;
         forget_parts(path, self.state.step, self.parts.len() as u32);
         Ok(())
     }
@@ -86,7 +86,7 @@ impl Checkpoint {
         let counts = [particles.len() as u64, bound.len() as u64];
         let (particles, bound) = (particles.clone(), bound.clone());
         let part = Part { seed, step: *step, rank, ranks, particles, bound };
-        let checksum = sealed::write(&part_of(path, *step, rank), Kind::Part, &part)?;
+        let checksum = sealed::write(&part_of(path, *step, rank), FileKind::Part, &part)?;
         Ok(PartRecord { particles: counts[0], bound: counts[1], checksum })
     }
 
@@ -95,7 +95,7 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Read`], [`Error::CheckpointVersion`] and [`Error::Damaged`].
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let (checkpoint, _): (Self, _) = sealed::read(path, Kind::Whole)?;
+        let (checkpoint, _): (Self, _) = sealed::read(path, FileKind::Whole)?;
         check_columns(path, &checkpoint.state.particles)?;
         Ok(checkpoint)
     }
@@ -159,7 +159,7 @@ impl Checkpoint {
 }
 
 fn read_part(path: &Path, record: PartRecord) -> Result<Part, Error> {
-    let (part, found): (Part, _) = sealed::read(path, Kind::Part)?;
+    let (part, found): (Part, _) = sealed::read(path, FileKind::Part)?;
     let damaged = |damage| Err(Error::Damaged { path: path.to_owned(), damage });
     let expected = record.checksum;
     if found != expected {
@@ -198,7 +198,7 @@ fn forget_parts(path: &Path, step: u32, parts: u32) {
         let belongs = part_step == step && rank < parts;
         // Other programs may number their backups.
         let is_part = part_of(path, part_step, rank).file_name() == Some(&file)
-            && sealed::has_kind(&entry.path(), Kind::Part);
+            && sealed::has_kind(&entry.path(), FileKind::Part);
         if is_part && !belongs {
             drop::<std::io::Result<()>>(std::fs::remove_file(entry.path()));
         }

@@ -21,12 +21,12 @@ const MAX_FIRST_LINE: u64 = 64;
 const MEMORY_PER_BYTE: u64 = 4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum FileKind {
     Whole,
     Part,
 }
 
-impl Kind {
+impl FileKind {
     fn first_line(self) -> String {
         self.first_line_of(VERSION)
     }
@@ -41,7 +41,7 @@ impl Kind {
 }
 
 /// Replaces a file once this one is complete. Returns the checksum.
-pub(crate) fn write(path: &Path, kind: Kind, content: &impl Serialize) -> Result<u64, Error> {
+pub(crate) fn write(path: &Path, kind: FileKind, content: &impl Serialize) -> Result<u64, Error> {
     let mut checksum = 0;
     output::write_atomically(path, |out| {
         let mut bytes = kind.first_line().into_bytes();
@@ -58,7 +58,7 @@ pub(crate) fn write(path: &Path, kind: Kind, content: &impl Serialize) -> Result
 }
 
 /// Checks length and checksum before decoding. Returns content and checksum.
-pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u64), Error> {
+pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: FileKind) -> Result<(T, u64), Error> {
     let read = |source| Error::Read { path: path.to_owned(), source };
     let length = std::fs::metadata(path).map_err(read)?.len();
     let remedy = "run fewer replicas at once (--threads), free memory, or raise the limit";
@@ -97,7 +97,7 @@ pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u
 }
 
 /// Returns `true` for a file of this kind and any version.
-pub(crate) fn has_kind(path: &Path, kind: Kind) -> bool {
+pub(crate) fn has_kind(path: &Path, kind: FileKind) -> bool {
     let start = output::start_of(path, MAX_FIRST_LINE);
     version(&start).is_some_and(|version| start.starts_with(kind.first_line_of(version).as_bytes()))
 }
@@ -122,12 +122,12 @@ mod tests {
         let directory = tempfile::tempdir().expect("a directory");
         let path = directory.path().join("sealed");
         let content = (3_u8, "text".to_owned(), [0.5_f32, 2.0]);
-        let sum = write(&path, Kind::Part, &content).expect("is written");
-        assert_eq!(read(&path, Kind::Part).expect("is read"), (content, sum));
+        let sum = write(&path, FileKind::Part, &content).expect("is written");
+        assert_eq!(read(&path, FileKind::Part).expect("is read"), (content, sum));
         let whole = std::fs::read(&path).expect("is there");
         let refused = |bytes: &[u8]| {
             std::fs::write(&path, bytes).expect("is written");
-            let error = read::<(u8, String, [f32; 2])>(&path, Kind::Part).expect_err("is damaged");
+            let error = read::<(u8, String, [f32; 2])>(&path, FileKind::Part).expect_err("is damaged");
             assert!(matches!(error, Error::Damaged { .. } | Error::CheckpointVersion { .. }), "{error}");
             error.to_string()
         };
@@ -143,7 +143,7 @@ mod tests {
         let lengths = format!("it has {} bytes instead of {}", whole.len() + 1, whole.len());
         assert!(longer.contains(&lengths) && longer.contains("--overwrite"), "{longer}");
         std::fs::write(&path, &whole).expect("is written");
-        assert!(read::<(u8, String, [f32; 2])>(&path, Kind::Whole).is_err());
+        assert!(read::<(u8, String, [f32; 2])>(&path, FileKind::Whole).is_err());
     }
 
     #[test]
@@ -152,7 +152,7 @@ mod tests {
         let path = directory.path().join("checkpoint");
         for (text, found) in [("lazygrid checkpoint 4\nmore", 4), ("lazygrid checkpoint 12, part\n", 12)] {
             std::fs::write(&path, text).expect("is written");
-            let error = read::<u8>(&path, Kind::Whole).expect_err("is of another version");
+            let error = read::<u8>(&path, FileKind::Whole).expect_err("is of another version");
             assert!(
                 matches!(error, Error::CheckpointVersion { found: reported, .. } if reported == found),
                 "{error}"

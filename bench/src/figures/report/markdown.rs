@@ -1,7 +1,7 @@
 use std::fmt::Write;
 
 use crate::measure::markdown;
-use lazygrid_report::{Cell, Document, Kind, Table};
+use lazygrid_report::{Cell, CellKind, Document, Table};
 
 pub(super) fn text(document: &Document) -> String {
     let mut out = format!("# {}\n", document.title);
@@ -30,8 +30,8 @@ fn rendered(table: &Table) -> String {
 
 fn cell(cell: &Cell) -> String {
     match cell.kind {
-        Kind::Best => format!("**{}**", cell.text),
-        Kind::Error => format!("**{}** ✗", cell.text),
-        Kind::Plain | Kind::Absent => cell.text.clone(),
+        CellKind::Best => format!("**{}**", cell.text),
+        CellKind::Error => format!("**{}** ✗", cell.text),
+        CellKind::Plain | CellKind::Absent => cell.text.clone(),
     }
 }

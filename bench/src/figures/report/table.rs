@@ -1,7 +1,7 @@
 use super::super::row::{Row, Status, quartiles};
 use crate::measure::Spread;
 use lazygrid_report::number::{count, three_figures, time, unit};
-use lazygrid_report::{Cell, Kind, Table};
+use lazygrid_report::{Cell, CellKind, Table};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Column {
@@ -107,11 +107,11 @@ pub(super) fn mean(row: &Row, written: impl Fn(f64) -> String) -> Option<String>
 }
 
 pub(super) fn cell(row: Option<&Row>, show: impl Fn(&Row) -> Option<String>) -> Cell {
-    let absent = |text: &str| (text.to_owned(), Kind::Absent);
+    let absent = |text: &str| (text.to_owned(), CellKind::Absent);
     let (text, kind) = match row.map(|row| (row, row.status)) {
         None => absent("–"),
-        Some((row, Status::Ok)) => show(row).map_or_else(|| absent("–"), |text| (text, Kind::Plain)),
-        Some((_, Status::Error)) => ("wrong".to_owned(), Kind::Error),
+        Some((row, Status::Ok)) => show(row).map_or_else(|| absent("–"), |text| (text, CellKind::Plain)),
+        Some((_, Status::Error)) => ("wrong".to_owned(), CellKind::Error),
         Some((_, Status::NotAvailable)) => absent("not available"),
         Some((_, Status::LeftOut)) => absent("left out"),
     };
@@ -123,8 +123,8 @@ pub(super) fn mark_best(cells: &mut [Cell], rows: &[Option<&Row>], by: fn(&Row) 
     let values: Vec<f64> = rows.iter().map(value).collect();
     let best = values.iter().copied().fold(f64::INFINITY, f64::min);
     for (cell, value) in cells.iter_mut().zip(values) {
-        if value == best && cell.kind == Kind::Plain {
-            cell.kind = Kind::Best;
+        if value == best && cell.kind == CellKind::Plain {
+            cell.kind = CellKind::Best;
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::model::boundary::Axis;
 use crate::model::particles::{Particle, Particles};
 use crate::motion::collisions::mover::{Mover, length};
 use crate::motion::collisions::rounds::{Adjacency, SLACK, Window};
-use crate::motion::collisions::rules::{Event, Rules};
+use crate::motion::collisions::rules::{CollisionEvent, Rules};
 use crate::motion::collisions::tests::model;
 use crate::motion::contact::Contacts;
 use crate::random::philox::{StepKey, open_unit};
@@ -200,7 +200,7 @@ fn collision_rounds_match_the_cpu() {
         for round in 0..6 {
             let before: Vec<[u32; MOVER]> = device.read("movers", n as usize);
             let cpu: Vec<Mover> = before.iter().map(on_cpu).collect();
-            let expected: Vec<Event> = (0..n).map(|at| window.next_event(&cpu, at)).collect();
+            let expected: Vec<CollisionEvent> = (0..n).map(|at| window.next_event(&cpu, at)).collect();
             device.run(&k::COLLISIONS_PREDICT, n, round);
             let next: Vec<[u32; NEXT]> = device.read("next_events", n as usize);
             for (at, (found, event)) in next.iter().zip(&expected).enumerate() {

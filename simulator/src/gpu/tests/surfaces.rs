@@ -38,7 +38,7 @@ fn adsorption_and_unbinding_match_the_cpu() {
         let [stays, fraction, above, scale] = found.map(|word| f64::from(f32::from_bits(word)));
         let length = 2f64.powi((k / 24 % 8) as i32 - 6);
         let reactivity = 2f64.powi((k % 24) as i32 - 16) * length / time_step;
-        let step = adsorption::Step::new(length * length, time_step, (0.5, reactivity));
+        let step = adsorption::AdsorptionStep::new(length * length, time_step, (0.5, reactivity));
         let heights = [
             0.25 * length * f64::from(k / 192 % 8),
             (0.5 * length * f64::from(k / 1536 % 8) - length).max(-0.375),

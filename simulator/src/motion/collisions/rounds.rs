@@ -24,7 +24,7 @@ use rayon::prelude::*;
 
 use super::halo::Halo;
 use super::mover::{Mover, dot};
-use super::rules::{Event, Rules};
+use super::rules::{CollisionEvent, Rules};
 
 /// Largest overlap of a late hit, in contact distances, for each of the two hits in a row.
 pub(crate) const SLACK: f64 = 1.0 / 256.0;
@@ -70,7 +70,7 @@ struct Progress {
 
 #[derive(Debug)]
 struct EventSchedule {
-    next: Vec<Event>,
+    next: Vec<CollisionEvent>,
     safe_from: Vec<f64>,
     active: Vec<u32>,
     is_active: Vec<bool>,
@@ -150,30 +150,32 @@ impl Window<'_> {
         let mut next = Vec::new();
         let first = |at: u32| self.next_event(movers, at);
         next.par_extend(all.clone().into_par_iter().with_min_len(CHUNK).map(first));
-        let is_active: Vec<bool> = next.iter().map(|event: &Event| event.time <= self.horizon).collect();
+        let is_active: Vec<bool> =
+            next.iter().map(|event: &CollisionEvent| event.time <= self.horizon).collect();
         let active = all.filter(|&at| is_active[at as usize]).collect();
         let safe_from = vec![0.0; next.len()];
         EventSchedule { next, safe_from, active, is_active, changes: vec![MoverChange::None; movers.len()] }
     }
 
-    pub(crate) fn next_event(&self, movers: &[Mover], at: u32) -> Event {
+    pub(crate) fn next_event(&self, movers: &[Mover], at: u32) -> CollisionEvent {
         let others = self.neighbors.neighbors_of(at).iter();
         let events = others.filter_map(|&other| self.rules.predict(movers, [at, other]));
-        events.chain(self.rules.predict_wall(movers, at)).fold(Event::NEVER, Event::earlier)
+        events.chain(self.rules.predict_wall(movers, at)).fold(CollisionEvent::NEVER, CollisionEvent::earlier)
     }
 
     fn update(&self, movers: &[Mover], schedule: &mut EventSchedule, changed: &[u32]) {
         changed.iter().for_each(|&at| schedule.changes[at as usize] = MoverChange::Own);
         let stale = schedule.lose_partners(changed.iter().flat_map(|&at| self.neighbors.neighbors_of(at)));
         let again = |&at: &u32| self.next_event(movers, at);
-        let repeated: Vec<Event> = stale.par_iter().with_min_len(CHUNK).map(again).collect();
+        let repeated: Vec<CollisionEvent> = stale.par_iter().with_min_len(CHUNK).map(again).collect();
         let of_one = |&at: &u32| {
             let others = self.neighbors.neighbors_of(at).iter();
             let events = others.filter_map(move |&other| self.rules.predict(movers, [at, other]));
             events.chain(self.rules.predict_wall(movers, at))
         };
-        let events: Vec<Event> = changed.par_iter().with_min_len(CHUNK).flat_map_iter(of_one).collect();
-        changed.iter().for_each(|&at| schedule.next[at as usize] = Event::NEVER);
+        let events: Vec<CollisionEvent> =
+            changed.par_iter().with_min_len(CHUNK).flat_map_iter(of_one).collect();
+        changed.iter().for_each(|&at| schedule.next[at as usize] = CollisionEvent::NEVER);
         stale.iter().zip(repeated).for_each(|(&at, event)| schedule.set(at, event, self.horizon));
         for event in events {
             for &at in event.particles() {
@@ -198,8 +200,8 @@ impl Window<'_> {
     pub(crate) fn safe_from(
         &self,
         movers: &[Mover],
-        next: &[Event],
-        event: &Event,
+        next: &[CollisionEvent],
+        event: &CollisionEvent,
         earliest: f64,
     ) -> Option<f64> {
         let participants = event.particles();
@@ -280,7 +282,7 @@ impl EventSchedule {
         stale
     }
 
-    fn set(&mut self, at: u32, event: Event, horizon: f64) {
+    fn set(&mut self, at: u32, event: CollisionEvent, horizon: f64) {
         self.next[at as usize] = event;
         self.safe_from[at as usize] = 0.0;
         if event.time <= horizon && !std::mem::replace(&mut self.is_active[at as usize], true) {

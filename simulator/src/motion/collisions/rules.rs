@@ -17,7 +17,7 @@ pub(crate) struct Rules {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Event {
+pub(crate) struct CollisionEvent {
     /// Fraction of the step; infinite without an event.
     pub(crate) time: f64,
     /// Ids in ascending order, or [`WALL`].
@@ -31,7 +31,7 @@ pub(crate) struct Event {
 pub(crate) const WALL: u32 = u32::MAX;
 const VESSEL_WALL: u32 = 6;
 
-impl Event {
+impl CollisionEvent {
     pub(crate) const NEVER: Self = Self { time: f64::INFINITY, ids: [WALL; 2], at: [WALL; 2], wall: 0 };
 
     pub(crate) fn compare(&self, other: &Self) -> Ordering {
@@ -81,7 +81,7 @@ impl Rules {
     }
 
     /// Returns the collision after both clocks, if the particles approach.
-    pub(crate) fn predict(&self, movers: &[Mover], mut pair: [u32; 2]) -> Option<Event> {
+    pub(crate) fn predict(&self, movers: &[Mover], mut pair: [u32; 2]) -> Option<CollisionEvent> {
         if movers[pair[0] as usize].id > movers[pair[1] as usize].id {
             pair.reverse();
         }
@@ -97,10 +97,10 @@ impl Rules {
         let apart = (dot(d, d) - a.contact_distance(b).powi(2)).max(0.0);
         let root = approach * approach - dot(relative, relative) * apart;
         let time = now + apart / (approach + root.max(0.0).sqrt());
-        (root >= 0.0).then_some(Event { time, ids: [a.id, b.id], at: pair, wall: 0 })
+        (root >= 0.0).then_some(CollisionEvent { time, ids: [a.id, b.id], at: pair, wall: 0 })
     }
 
-    pub(crate) fn predict_wall(&self, movers: &[Mover], at: u32) -> Option<Event> {
+    pub(crate) fn predict_wall(&self, movers: &[Mover], at: u32) -> Option<CollisionEvent> {
         let mover = &movers[at as usize];
         let domain = &self.domains[mover.species as usize];
         let Mover { position, motion, time, .. } = *mover;
@@ -120,11 +120,11 @@ impl Rules {
             (a > 0.0).then(|| (((b * b - a * c).sqrt() - b) / a, VESSEL_WALL))
         });
         let (after, wall) = (0..3).filter_map(plane).chain(round).min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(Event { time: time + after.max(0.0), ids: [mover.id, WALL], at: [at, WALL], wall })
+        Some(CollisionEvent { time: time + after.max(0.0), ids: [mover.id, WALL], at: [at, WALL], wall })
     }
 
     /// Returns the particles after the event, and the number of collisions. At a wall only the first is meaningful.
-    pub(crate) fn outcome(&self, movers: &[Mover], event: &Event) -> ([Mover; 2], u64) {
+    pub(crate) fn outcome(&self, movers: &[Mover], event: &CollisionEvent) -> ([Mover; 2], u64) {
         let second = if event.at[1] == WALL { event.at[0] } else { event.at[1] };
         let mut pair = [event.at[0], second].map(|at| movers[at as usize]);
         pair.iter_mut().for_each(|mover| mover.advance(event.time));

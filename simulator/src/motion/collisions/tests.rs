@@ -2,7 +2,7 @@ use super::halo::SingleProcess;
 use super::mover::{Mover, length};
 use super::overlaps::bounce_overlaps;
 use super::rounds::{Adjacency, SLACK, Window, WindowEnd};
-use super::rules::{Event, Rules};
+use super::rules::{CollisionEvent, Rules};
 use super::{Collisions, Scratch};
 use crate::model::receiver::finder_with;
 use crate::model::{Contact, Model, ReactionRate, Species};
@@ -15,7 +15,7 @@ fn run_in_order(rules: &Rules, movers: &mut [Mover], pairs: &[[u32; 2]], horizon
     loop {
         let all = pairs.iter().filter_map(|&pair| rules.predict(movers, pair));
         let walls = (0..movers.len() as u32).filter_map(|at| rules.predict_wall(movers, at));
-        let first = all.chain(walls).fold(Event::NEVER, Event::earlier);
+        let first = all.chain(walls).fold(CollisionEvent::NEVER, CollisionEvent::earlier);
         if first.time > horizon {
             return collisions;
         }

@@ -127,7 +127,7 @@ fn table_by_threshold(errors: &BitErrors, name: &str) -> Table {
 fn row_of<const N: usize>(cells: [String; N], is_best: bool) -> Vec<Cell> {
     let mut cells = cells.map(Cell::plain).to_vec();
     if is_best {
-        cells.iter_mut().for_each(|cell| cell.kind = lazygrid_report::Kind::Best);
+        cells.iter_mut().for_each(|cell| cell.kind = lazygrid_report::CellKind::Best);
     }
     cells
 }
