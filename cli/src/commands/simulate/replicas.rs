@@ -38,7 +38,7 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
     if replicas.directory_of(0).exists() {
         animation::write(&replicas.replica(0))?;
     }
-    if args.report && !replicated.done.is_empty() {
+    if args.report && !replicated.finished.is_empty() {
         report::write(&report_input(args, replicas, &replicas.run.path, &replicated, &mean))?;
     }
     let printed = print(summary(replicas, &replicated, &mean));
@@ -59,7 +59,7 @@ pub(crate) fn report_input<'a>(
     let seed_and_directory =
         |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
     let command = command::report_command(args, run, scenario, Some(replicas.count));
-    ReportInput { run, mean, runs: results.done.iter().map(seed_and_directory).collect(), command }
+    ReportInput { run, mean, runs: results.finished.iter().map(seed_and_directory).collect(), command }
 }
 
 pub(crate) struct StepProgress {

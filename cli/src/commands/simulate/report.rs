@@ -61,7 +61,7 @@ pub(crate) fn write(input: &ReportInput<'_>) -> Result<Channels, CliError> {
 pub(crate) fn channels(input: &ReportInput<'_>) -> Result<Channels, CliError> {
     let (model, steps) = (&input.run.scenario.model, input.run.scenario.steps);
     let runs = input.runs.iter().map(|(seed, directory)| (*seed, directory.as_path()));
-    Ok(Channels::of(model, steps, runs)?)
+    Ok(Channels::from_runs(model, steps, runs)?)
 }
 
 fn write_page(

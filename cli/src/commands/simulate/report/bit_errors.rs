@@ -81,12 +81,12 @@ fn rate(errors: &BitErrors, wrong: u64) -> String {
 
 /// The first delay, and the one with the fewest errors.
 fn shown(by_delay: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
-    let found = by_delay.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
+    let found = by_delay.iter().min_by(|a, b| a.lowest_rate().total_cmp(&b.lowest_rate()));
     by_delay.iter().take(1).chain(found.filter(|errors| errors.delay != by_delay[0].delay))
 }
 
 fn table_by_delay(by_delay: &[BitErrors], name: &str, model: &Model) -> Table {
-    let least = by_delay.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
+    let lowest = by_delay.iter().map(BitErrors::lowest_rate).fold(f64::INFINITY, f64::min);
     let row = |errors: &BitErrors| {
         let best = errors.best();
         let wrong = errors.at(&best).1;
@@ -99,7 +99,7 @@ fn table_by_delay(by_delay: &[BitErrors], name: &str, model: &Model) -> Table {
             errors.bits.to_string(),
             rate(errors, wrong),
         ];
-        row_of(cells, errors.least() <= least)
+        row_of(cells, errors.lowest_rate() <= lowest)
     };
     Table {
         caption: format!("{name}: fewest errors by the delay of the slots"),

@@ -133,12 +133,17 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
         };
         let name = link_name(response.link, model);
         if model.receivers[response.link.receiver].is_momentary() {
-            let points =
-                response.parts.iter().enumerate().map(|(k, fraction)| point(k, fraction, 1.0, 0.5)).collect();
+            let points = response
+                .fractions
+                .iter()
+                .enumerate()
+                .map(|(k, fraction)| point(k, fraction, 1.0, 0.5))
+                .collect();
             momentary.push(Series { name, points, dashed: false, color });
             continue;
         }
-        let density = response.parts.iter().enumerate().map(|(k, fraction)| point(k, fraction, stretch, 0.5));
+        let density =
+            response.fractions.iter().enumerate().map(|(k, fraction)| point(k, fraction, stretch, 0.5));
         densities.push(Series { name: name.clone(), points: density.collect(), dashed: false, color });
         let cumulative =
             response.cumulative.iter().enumerate().map(|(k, fraction)| point(k, fraction, 1.0, 1.0));

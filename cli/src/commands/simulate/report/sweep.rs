@@ -114,7 +114,7 @@ fn response_section(
                 true => (&mut momentary, 1.0),
                 false => (&mut densities, bin),
             };
-            let points = response.parts.iter().enumerate().map(|(k, fraction)| {
+            let points = response.fractions.iter().enumerate().map(|(k, fraction)| {
                 mark(
                     (k as f64 + 0.5) * bin,
                     fraction.mean() / by,
