@@ -21,11 +21,11 @@ pub use error::{Error, InputError};
 pub use limits::MAX_SPHERES;
 pub use memory::try_reserve;
 pub use types::exclusions::Exclusions;
-pub use types::image_vector::ImageVector;
 #[doc(hidden)]
 pub use types::interactions::SpeciesReach;
 pub use types::interactions::{EffectiveRadius, Interaction, Interactions};
 pub use types::lattice::{Lattice, WrappedPoint};
+pub use types::minimum_image::ImageVector;
 #[doc(hidden)]
 pub use types::orthogonalization::nearest;
 pub use types::orthogonalization::{DistanceMap, Orthogonalization};

@@ -1,8 +1,9 @@
 mod basis;
+mod contact_test;
 pub(crate) mod exclusions;
-pub(crate) mod image_vector;
 pub(crate) mod interactions;
 pub(crate) mod lattice;
+pub(crate) mod minimum_image;
 pub(crate) mod orthogonalization;
 pub(crate) mod pair;
 pub(crate) mod query;

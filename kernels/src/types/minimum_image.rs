@@ -30,11 +30,11 @@ impl ImageVector {
 }
 
 /// Lengths whose squares and their rounding errors are normal numbers.
-const PLAIN: std::ops::RangeInclusive<f64> = 3.2e-145..=3.1e144;
+pub(super) const PLAIN: std::ops::RangeInclusive<f64> = 3.2e-145..=3.1e144;
 const PLAIN_SQUARES: std::ops::RangeInclusive<f64> = 1.1e-289..=9.6e288;
 /// Powers of two that scale other lengths into this range.
-const DOWN: f64 = f64::from_bits((1023 - 600) << 52);
-const UP: f64 = f64::from_bits((1023 + 600) << 52);
+pub(super) const DOWN: f64 = f64::from_bits((1023 - 600) << 52);
+pub(super) const UP: f64 = f64::from_bits((1023 + 600) << 52);
 
 impl Space {
     /// Returns the vector from a point to the minimum image of another, by the expression of the exact contact test.
@@ -54,21 +54,6 @@ impl Space {
         ImageVector { shift: shift.map(|count| count as i32), vector }
     }
 
-    /// Exact contact test: returns `true` if minimum images of `a` and `b` (`x, y, z, r`) touch, or are within
-    /// `distance` if given. Nothing overflows or underflows.
-    #[inline]
-    pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
-        self.decide(a, b, distance, |space, from, to| match space.triclinic_cell() {
-            Some(cell) => cell.minimum_image_vector(apart(from, to)),
-            None => space.nearest(from, to).1,
-        })
-    }
-
-    /// Tests `a` and the image of `b` at `shift` cell vectors like [`touch`](Self::touch).
-    pub fn touch_image(&self, a: [f64; 4], b: [f64; 4], shift: [f64; 3], distance: Option<f64>) -> bool {
-        self.decide(a, b, distance, |space, from, to| space.image(apart(from, to), shift))
-    }
-
     /// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)` for cell vectors `e`. Multiples may overflow if the result does not.
     pub fn image(&self, vector: [f64; 3], shift: [f64; 3]) -> [f64; 3] {
         let vectors = self.cell_vectors();
@@ -76,39 +61,12 @@ impl Space {
         if image.iter().all(|number| number.is_finite()) {
             return image;
         }
-        let vectors = vectors.map(|edge| edge.map(|edge| edge.map(|number| number * DOWN)));
+        let vectors = vectors.map(|vector| vector.map(|vector| vector.map(|number| number * DOWN)));
         shifted(vector.map(|number| number * DOWN), shift, &vectors).map(|number| number / DOWN)
     }
 
     #[inline]
-    fn decide(
-        &self,
-        a: [f64; 4],
-        b: [f64; 4],
-        distance: Option<f64>,
-        displacement: impl Fn(&Self, [f64; 3], [f64; 3]) -> [f64; 3],
-    ) -> bool {
-        let (vector, reach) = (displacement(self, center(a), center(b)), distance.unwrap_or(a[3] + b[3]));
-        let largest = largest(vector, reach);
-        if PLAIN.contains(&largest) {
-            is_within(vector, reach)
-        } else if largest < *PLAIN.start() {
-            // Differences are multiples of the smallest number, so none has underflowed.
-            is_within(vector.map(|number| number * UP), reach * UP)
-        } else {
-            let [a, b] = [a, b].map(|numbers| numbers.map(|number| number * DOWN));
-            let reach = distance.map_or(a[3] + b[3], |distance| distance * DOWN);
-            // The space is scaled only if a difference overflowed, because short cell vectors become 0.
-            let vector = match vector.iter().all(|number| number.is_finite()) {
-                true => vector.map(|number| number * DOWN),
-                false => displacement(&self.scaled(DOWN), center(a), center(b)),
-            };
-            is_within(vector, reach)
-        }
-    }
-
-    #[inline]
-    fn nearest(&self, from: [f64; 3], to: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+    pub(super) fn nearest(&self, from: [f64; 3], to: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let apart = apart(from, to);
         if let Some(cell) = self.triclinic_cell() {
             return cell.minimum_image(apart);
@@ -146,25 +104,15 @@ fn far_along(apart: f64, length: f64) -> (f64, f64) {
 }
 
 #[inline]
-fn apart(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+pub(super) fn apart(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| to[axis] - from[axis])
 }
 
 #[inline]
-fn center([x, y, z, _]: [f64; 4]) -> [f64; 3] {
-    [x, y, z]
-}
-
-#[inline]
-fn largest(vector: [f64; 3], reach: f64) -> f64 {
+pub(super) fn largest(vector: [f64; 3], cutoff: f64) -> f64 {
     let [x, y, z] = vector.map(f64::abs);
-    let largest = x.max(y).max(z).max(reach);
+    let largest = x.max(y).max(z).max(cutoff);
     if (x + y + z).is_nan() { f64::INFINITY } else { largest }
-}
-
-#[inline]
-fn is_within([x, y, z]: [f64; 3], reach: f64) -> bool {
-    x * x + y * y + z * z <= reach * reach
 }
 
 #[cfg(test)]
@@ -173,29 +121,7 @@ mod tests {
     use crate::types::random::random_fractions;
 
     #[test]
-    fn contact_is_exact_at_any_magnitude() {
-        for exponent in [-1060, -900, -500, -300, 0, 300, 480, 1010] {
-            let unit = 2.0_f64.powi(exponent / 2) * 2.0_f64.powi(exponent - exponent / 2);
-            let a = [0.0, 0.0, 0.0, 2.0 * unit];
-            let touching = [3.0 * unit, 4.0 * unit, 0.0, 3.0 * unit];
-            let [x, y, z, r] = touching;
-            assert!(Space::UNBOUNDED.touch(a, touching, None), "2^{exponent}");
-            assert!(!Space::UNBOUNDED.touch(a, [x, y.next_up(), z, r], None), "2^{exponent}");
-            assert!(!Space::UNBOUNDED.touch(a, [x, y, z, r.next_down().next_down()], None), "2^{exponent}");
-            assert!(Space::UNBOUNDED.touch(a, touching, Some(5.0 * unit)), "2^{exponent}");
-        }
-        let [left, right] = [[-f64::MAX, 0.0, 0.0, 1.0], [f64::MAX, 0.0, 0.0, 1.0]];
-        assert!(!Space::UNBOUNDED.touch(left, right, None));
-        assert!(Space::UNBOUNDED.touch(left, right, Some(f64::MAX)) == (2.0 * f64::MAX <= f64::MAX));
-        let [left, right] = [left, right].map(|[x, y, z, _]| [x, y, z, f64::MAX]);
-        assert!(Space::UNBOUNDED.touch(left, right, None));
-        for far in [[0.0; 4], [1e300, -1e300, 1e200, 0.0], [1e-300, 0.0, 0.0, 0.0]] {
-            assert!(Space::UNBOUNDED.touch(far, far, None), "{far:?}");
-        }
-    }
-
-    #[test]
-    fn numbers_of_lengths_that_overflow_reach_the_minimum_image() {
+    fn overflowing_numbers_of_lengths_have_the_minimum_image() {
         for (x, length) in
             [(1.7e308, 0.5), (-1.7e308, 0.5), (2.0_f64.powi(1000), 2.0_f64.powi(-200)), (1.0, 5e-324)]
         {
@@ -210,17 +136,6 @@ mod tests {
     }
 
     #[test]
-    fn large_spheres_touch_in_small_boxes() {
-        let edges = [Some([1e-130, 0.0, 0.0]), Some([3e-131, 1e-130, 0.0]), Some([0.0, 0.0, 1e-130])];
-        let small = [Space::triclinic(edges), Space::periodic([Some(1e-160); 3])];
-        for space in small.map(|space| space.expect("a box")) {
-            let [giant, other] = [[0.0, 0.0, 0.0, 1e150], [3e-131, 2e-131, 0.0, 1e150]];
-            assert!(space.touch(giant, giant, None) && space.touch(giant, other, None), "{space:?}");
-            assert!(space.touch(giant, other, Some(1e200)), "{space:?}");
-        }
-    }
-
-    #[test]
     fn vectors_up_to_the_largest_component_have_images() {
         let cells = [
             [Some([1.0, 0.0, 0.0]), Some([0.4, 1.0, 0.0]), Some([-0.3, 0.2, 1.0])],
@@ -231,7 +146,7 @@ mod tests {
         for (cell, scale) in
             cells.into_iter().flat_map(|cell| [1.0, 1e-300, 1e100].map(|scale| (cell, scale)))
         {
-            let cell = cell.map(|edge| edge.map(|edge: [f64; 3]| edge.map(|number| number * scale)));
+            let cell = cell.map(|vector| vector.map(|vector: [f64; 3]| vector.map(|number| number * scale)));
             let space = Space::triclinic(cell).expect("a cell");
             let most = space.triclinic_cell().expect("triclinic").max_component();
             let most = (most * DOWN).min(2.0 * (f64::MAX * DOWN));
@@ -245,23 +160,23 @@ mod tests {
     }
 
     #[test]
-    fn shifts_and_edges_make_the_vector() {
-        let edges = [Some([4.0, 0.0, 0.0]), Some([11.5, 5.0, 0.0]), Some([0.3, -7.1, 6.0])];
-        let space = Space::triclinic(edges).expect("a box");
+    fn image_vector_is_difference_plus_shifts() {
+        let cell_vectors = [Some([4.0, 0.0, 0.0]), Some([11.5, 5.0, 0.0]), Some([0.3, -7.1, 6.0])];
+        let space = Space::triclinic(cell_vectors).expect("a box");
         let mut fractions = random_fractions(1);
         let mut random = || 40.0 * fractions() - 20.0;
         for _ in 0..2000 {
             let [from, to] = [(); 2].map(|()| [(); 3].map(|()| random()));
             let ImageVector { shift, vector, .. } = space.minimum_image(from, to);
             let expected = [0, 1, 2].map(|axis| {
-                let along = |k: usize| f64::from(shift[k]) * edges[k].expect("an edge")[axis];
+                let along = |k: usize| f64::from(shift[k]) * cell_vectors[k].expect("a cell vector")[axis];
                 (to[axis] - from[axis]) + (along(0) + along(1) + along(2))
             });
             assert_eq!(vector, expected);
             let squared = |v: [f64; 3]| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
             for k in 0..125 {
                 let steps = [k % 5, k / 5 % 5, k / 25].map(|count| f64::from(count) - 2.0);
-                let image = shifted(vector, steps, &edges);
+                let image = shifted(vector, steps, &cell_vectors);
                 assert!(squared(image) >= squared(vector) * (1.0 - 1e-12), "{from:?}, {to:?}, {steps:?}");
             }
         }
