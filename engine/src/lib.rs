@@ -54,7 +54,7 @@ pub use lazygrid_kernels::{
 };
 /// For runs on several ranks; no part of the stable interface.
 #[doc(hidden)]
-pub use lazygrid_kernels::{Orthogonalization, SpeciesReach, TriclinicCell};
+pub use lazygrid_kernels::{Orthogonalization, SpeciesRadius, TriclinicCell};
 pub use report::Report;
 
 #[cfg(doctest)]

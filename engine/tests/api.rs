@@ -97,8 +97,8 @@ fn every_setting() -> Result<Config, Error> {
     let mut reactions = Interactions::new(2, Interaction::Never)?;
     reactions.set(0, 1, Interaction::Within(0.5))?;
     reactions.set(1, 1, Interaction::Touch)?;
-    let reach: EffectiveRadius = reactions.effective_radius(0);
-    let _: (f32, Interaction, u32) = (reach.for_radius(1.0), reactions.get(0, 1), reactions.species());
+    let effective: EffectiveRadius = reactions.effective_radius(0);
+    let _: (f32, Interaction, u32) = (effective.for_radius(1.0), reactions.get(0, 1), reactions.species());
     let space: Space = Space::periodic([Some(10.0), None, None])?;
     let _: (Vec3, f64) = (space.wrap(Vec3::ONE), space.distance_squared(Vec3::ZERO, Vec3::ONE));
     let sheared: Space = Space::triclinic([Some([1.0; 3]), None, None])?;

@@ -68,14 +68,14 @@ pub enum InputError {
     CellVectors { vectors: Box<[Option<[f64; 3]>; 3]> },
     /// More images within the cutoff than indices can name.
     #[error(
-        "{images} images of spheres are within the cutoff {reach} of others, more than the {MAX_SPHERES} that 32-bit indices can \
+        "{images} images of spheres are within the cutoff {cutoff} of others, more than the {MAX_SPHERES} that 32-bit indices can \
          name; choose a smaller cutoff or a larger box, or wrap the coordinates into the box if they are far from it"
     )]
     Images {
         /// Number of images, rounded to `f64`.
         images: f64,
         /// Largest cutoff of two spheres.
-        reach: f64,
+        cutoff: f64,
     },
     /// Coordinates so far apart in a triclinic cell that the multiples of its vectors between them overflow.
     #[error(

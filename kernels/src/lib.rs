@@ -22,7 +22,7 @@ pub use limits::MAX_SPHERES;
 pub use memory::try_reserve;
 pub use types::exclusions::Exclusions;
 #[doc(hidden)]
-pub use types::interactions::SpeciesReach;
+pub use types::interactions::SpeciesRadius;
 pub use types::interactions::{EffectiveRadius, Interaction, Interactions};
 pub use types::lattice::{Lattice, WrappedPoint};
 pub use types::minimum_image::ImageVector;

@@ -209,13 +209,13 @@ pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
                 _ => taken == 1 || (2..=blocks.min(tiles_per_submission / tiles)).contains(&taken),
             };
             let counts = [x, y, z].iter().all(|groups| (1..=65_535).contains(groups));
-            let reaches = counts && y * z >= taken && tiles.div_ceil(x) <= k::RUN_TILES;
+            let is_covered = counts && y * z >= taken && tiles.div_ceil(x) <= k::RUN_TILES;
             let case = || {
                 format!(
                     "{blocks} blocks of {tiles} tiles, {tiles_per_submission} per submission: {taken} dispatched as {x} {y} {z}"
                 )
             };
-            same(case, &(fits && reaches), &true)?;
+            same(case, &(fits && is_covered), &true)?;
         }
     }
     Ok(())

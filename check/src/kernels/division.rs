@@ -134,7 +134,7 @@ impl Division {
             true => SpeciesParams::TOUCHES | (id as u32) << SpeciesParams::SIDE_SHIFT,
             false => SpeciesParams::IDLE,
         };
-        let reach: Vec<_> =
+        let species_params: Vec<_> =
             ids.clone().map(|id| SpeciesParams { flags: flags(id), half: self.half(id) }).collect();
         let between = |a: usize, b: usize| match of_one_set.interaction(a, b) {
             Interaction::Never => SearchParams::NEVER,
@@ -142,6 +142,8 @@ impl Division {
             Interaction::Within(distance) => distance as f32,
         };
         let table: Vec<f32> = ids.clone().flat_map(|a| ids.clone().map(move |b| between(a, b))).collect();
-        call.with("species", &self.species(count))?.with("species_params", &reach)?.with("table", &table)
+        call.with("species", &self.species(count))?
+            .with("species_params", &species_params)?
+            .with("table", &table)
     }
 }

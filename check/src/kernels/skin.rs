@@ -242,8 +242,8 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
             all.clone().flat_map(|i| (i + 1..all.end).map(move |j| Pair { i, j })).collect();
         let touch = |pair: &Pair| {
             let [a, b] = [pair.i, pair.j].map(|id| &given[id as usize]);
-            let reach = f64::from(a.radius + b.radius);
-            window.contains(&pair.i) && space.distance_squared(a.center, b.center) <= reach * reach
+            let cutoff = f64::from(a.radius + b.radius);
+            window.contains(&pair.i) && space.distance_squared(a.center, b.center) <= cutoff * cutoff
         };
         let expected: Vec<Pair> = candidates.iter().copied().filter(touch).collect();
         let (call, variant) = call(given.len(), space);

@@ -21,10 +21,10 @@ impl Tolerance {
         }
         let ulps = if scenario.space.is_periodic() { 5.0 } else { 4.0 } * f64::from(f32::EPSILON);
         let (i, j) = (pair.i as usize, pair.j as usize);
-        match (self, scenario.reach(i, j)) {
+        match (self, scenario.cutoff(i, j)) {
             (Self::Exact, _) | (_, None) => false,
-            (Self::Tangent, Some(reach)) => {
-                let limit = reach * reach;
+            (Self::Tangent, Some(cutoff)) => {
+                let limit = cutoff * cutoff;
                 limit > 0.0
                     && limit.is_finite()
                     && (scenario.distance_squared(i, j) - limit).abs() <= ulps * limit
@@ -79,7 +79,7 @@ fn describe(scenario: &TestInput, pair: Pair) -> String {
         format!("{k}: [{:?}, {:?}, {:?}, {:?}]", s.center.x, s.center.y, s.center.z, s.radius)
     };
     let distance = scenario.distance_squared(i, j).sqrt();
-    let gap = scenario.reach(i, j).map_or("never a pair".to_owned(), |r| format!("gap {:e}", distance - r));
+    let gap = scenario.cutoff(i, j).map_or("never a pair".to_owned(), |r| format!("gap {:e}", distance - r));
     format!("{} and {}, {gap}", sphere(i), sphere(j))
 }
 

@@ -26,23 +26,23 @@ impl ImageOracle {
         &self.fractions
     }
 
-    /// Returns the smallest squared length of `apart` and its images. For a finite `reach`, returns the
-    /// squared length of any image within `reach`, or any larger value if no image is.
+    /// Returns the smallest squared length of `apart` and its images. For a finite `cutoff`, returns the
+    /// squared length of any image within `cutoff`, or any larger value if no image is.
     ///
-    /// An image within `reach` has a fractional coordinate of at most `reach` over the height of the cell
+    /// An image within `cutoff` has a fractional coordinate of at most `cutoff` over the height of the cell
     /// along that vector.
-    pub(crate) fn distance_squared(&self, apart: DVec3, reach: f64) -> f64 {
+    pub(crate) fn distance_squared(&self, apart: DVec3, cutoff: f64) -> f64 {
         let mut shift = [0.0; 3];
         for ((k, _), row) in self.edges.iter().zip(&self.fractions) {
             shift[*k] = -row.dot(apart).round();
         }
         let folded = self.image(apart, shift);
-        if reach.is_finite() && folded.length() <= reach {
+        if cutoff.is_finite() && folded.length() <= cutoff {
             return squared(folded);
         }
         // The folded image bounds the search: the nearest is no longer.
         let along = self.edges.iter().zip(&self.fractions).map(|((_, edge), row)| *edge * row.dot(folded));
-        let limit = reach.min(along.sum::<DVec3>().length());
+        let limit = cutoff.min(along.sum::<DVec3>().length());
         let mut shifts = [[0; 2]; 3];
         for (range, row) in shifts.iter_mut().zip(&self.fractions) {
             let (part, most) = (row.dot(folded), limit * row.length() + 1e-6);

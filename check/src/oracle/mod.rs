@@ -106,7 +106,7 @@ impl TestInput {
     }
 
     /// `None` if the spheres never pair.
-    pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
+    pub fn cutoff(&self, i: usize, j: usize) -> Option<f64> {
         if self.excludes(i, j) {
             return None;
         }
@@ -139,9 +139,9 @@ impl TestInput {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
         }
         let images = ImageOracle::of(&self.space);
-        self.pairs_by(|i, j, reach| {
+        self.pairs_by(|i, j, cutoff| {
             let [a, b] = [i, j].map(|k| self.spheres[k].center.as_dvec3());
-            images.distance_squared(a - b, reach)
+            images.distance_squared(a - b, cutoff)
         })
     }
 
@@ -177,7 +177,7 @@ impl TestInput {
         let mut pairs = Vec::new();
         for i in 0..self.spheres.len() {
             for j in i + 1..self.spheres.len() {
-                if self.reach(i, j).is_some_and(|reach| apart(i, j, reach) <= reach * reach) {
+                if self.cutoff(i, j).is_some_and(|cutoff| apart(i, j, cutoff) <= cutoff * cutoff) {
                     pairs.push(Pair { i: i as u32, j: j as u32 });
                 }
             }

@@ -1,4 +1,6 @@
-use lazygrid::{Error, Interactions, Orthogonalization, Space, SpeciesReach, Sphere, Spheres, TriclinicCell};
+use lazygrid::{
+    Error, Interactions, Orthogonalization, Space, SpeciesRadius, Sphere, Spheres, TriclinicCell,
+};
 
 use crate::memory::try_collect;
 use crate::species_groups::SpeciesGroups;
@@ -36,7 +38,7 @@ pub struct SphereWrapper {
 
 #[derive(Clone, Debug)]
 struct SpeciesTable {
-    reaches: Vec<SpeciesReach>,
+    species_radii: Vec<SpeciesRadius>,
     groups: SpeciesGroups,
 }
 
@@ -45,7 +47,7 @@ impl SphereWrapper {
         // Orthogonalized radii grow by the rounding of positions, but cutoffs would not.
         let has_cutoffs = space.triclinic_cell().is_none();
         let species = interactions.map(|table| SpeciesTable {
-            reaches: (0..table.species()).map(|species| table.reach(species)).collect(),
+            species_radii: (0..table.species()).map(|species| table.species_radius(species)).collect(),
             groups: SpeciesGroups::new(table, has_cutoffs),
         });
         let scale = |cell| if space.fits_f32() { Orthogonalization::SCALE } else { scale_of(cell) };
@@ -81,7 +83,7 @@ impl SphereWrapper {
         let (radius, group) = match &self.species {
             None => (sphere.radius, 0),
             Some(table) => {
-                let reach = table.reaches.get(species as usize);
+                let reach = table.species_radii.get(species as usize);
                 let radius = reach.map_or(sphere.radius, |reach| reach.effective.for_radius(sphere.radius));
                 (radius, table.groups.group_of(species))
             }
@@ -112,7 +114,7 @@ impl SphereWrapper {
         let (radius, group) = match &self.species {
             None => (radius, 0),
             Some(table) => {
-                let reach = table.reaches.get(species as usize);
+                let reach = table.species_radii.get(species as usize);
                 (reach.map_or(radius, |reach| reach.for_radius(radius)), table.groups.group_of(species))
             }
         };

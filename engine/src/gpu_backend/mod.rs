@@ -143,7 +143,7 @@ impl SearchBackend for GpuBackend {
         report.begin(query.len());
         let (prepared, stats) = team.pass(query.len(), |threads| {
             let preparation =
-                Preparation { settings, wraps: false, has_same_species: false, ignores_reaches: true };
+                Preparation { settings, wraps: false, has_same_species: false, uses_only_radii: true };
             let prepared = buffers.prepare(query, preparation, threads, &mut report.phases)?;
             let start = Instant::now();
             let table = settings.interactions.as_ref().filter(|_| prepared.frame.is_none());
@@ -222,7 +222,7 @@ struct Device {
 }
 
 impl Device {
-    /// Omits absent species if that reduces the reach of others, and follows the crowd, if memory suffices.
+    /// Omits absent species if that reduces radii of others, and follows the crowd, if memory suffices.
     fn search_species(
         &mut self,
         species: &mut DeviceSpecies,

@@ -1,20 +1,20 @@
-//! The species that a device searches. Absent partners would enlarge the reach of a search.
+//! The species that a device searches. Absent partners would enlarge the radii of others.
 
 use lazygrid_host::SpeciesGroups;
-use lazygrid_kernels::{Interactions, SpeciesReach};
+use lazygrid_kernels::{Interactions, SpeciesRadius};
 
 use crate::Error;
 
-/// Species are left out only if the reach of a present one falls below this fraction, because other interactions need
+/// Species are left out only if the radius of a present one falls below this fraction, because other interactions need
 /// new buffers on the device.
-const MAX_REACH: f64 = 0.5;
+const MAX_RADIUS_RATIO: f64 = 0.5;
 const MAX_PATIENCE: u32 = 255;
 
 #[derive(Debug, Default)]
 pub(super) struct SearchedSpecies {
     are_left_out: Vec<bool>,
     version: u32,
-    /// `true` if absent species enlarge the reach of others.
+    /// `true` if absent species enlarge radii of others.
     is_too_far: bool,
     waited: u32,
     /// Value of `waited` at which absent species are left out; it doubles when one of them returns.
@@ -32,8 +32,9 @@ impl SearchedSpecies {
         if self.version == present.version() && !self.is_too_far {
             return Ok(None);
         }
-        let is_too_far =
-            |species: u32| is_smaller(present.reaches()[species as usize], searched.reach(species));
+        let is_too_far = |species: u32| {
+            is_smaller(present.species_radii()[species as usize], searched.species_radius(species))
+        };
         if self.lacks(present) {
             self.patience = (2 * self.patience + 1).min(MAX_PATIENCE);
         } else {
@@ -64,7 +65,7 @@ impl SearchedSpecies {
     }
 }
 
-fn is_smaller(of_present: SpeciesReach, searched: SpeciesReach) -> bool {
+fn is_smaller(of_present: SpeciesRadius, searched: SpeciesRadius) -> bool {
     let touches = searched.effective.touches && !of_present.effective.touches;
-    touches || of_present.largest_half < MAX_REACH * searched.largest_half
+    touches || of_present.largest_half < MAX_RADIUS_RATIO * searched.largest_half
 }

@@ -31,7 +31,7 @@ const SPHERES_PER_GHOST: usize = 16;
 pub(crate) struct SlabInput<'a> {
     spheres: Spheres<'a>,
     split: u32,
-    reaches: Vec<EffectiveRadius>,
+    effective_radii: Vec<EffectiveRadius>,
     are_idle: Vec<bool>,
     space: Space,
 }
@@ -64,8 +64,8 @@ impl<'a> SlabInput<'a> {
             let is_idle = |of: u32| partition.is_idle(partition.group_of(of));
             (0..table.species()).map(|of| (table.effective_radius(of), is_idle(of))).unzip()
         };
-        let (reaches, are_idle) = interactions.map_or_else(Default::default, of_table);
-        Self { spheres, split: 0, reaches, are_idle, space }
+        let (effective_radii, are_idle) = interactions.map_or_else(Default::default, of_table);
+        Self { spheres, split: 0, effective_radii, are_idle, space }
     }
 
     fn is_idle(&self, k: usize) -> bool {
@@ -85,7 +85,9 @@ impl<'a> SlabInput<'a> {
     fn ends(&self, k: usize, axis: usize) -> [f64; 2] {
         let Sphere { center, radius } = self.spheres.get(k);
         let radius = match self.spheres.species() {
-            Some(species) if !self.reaches.is_empty() => self.reaches[species[k] as usize].for_radius(radius),
+            Some(species) if !self.effective_radii.is_empty() => {
+                self.effective_radii[species[k] as usize].for_radius(radius)
+            }
             _ => radius,
         };
         let half = f64::from(radius) * (1.0 + MARGIN);

@@ -164,7 +164,7 @@ fn automatic_skin_never_changes_a_result() {
 }
 
 #[test]
-fn absent_species_enlarge_no_reach_and_lose_no_pair_when_they_return() {
+fn absent_species_enlarge_no_radius_and_lose_no_pair_when_they_return() {
     let Some(gpu) = device_or_skip() else { return };
     let mut table = Interactions::new(3, Interaction::Never).expect("few species");
     for (a, b, distance) in [(0, 0, 0.5), (0, 1, 6.0), (1, 2, 1.0), (2, 2, 0.25)] {
@@ -185,7 +185,7 @@ fn absent_species_enlarge_no_reach_and_lose_no_pair_when_they_return() {
             let expected = host.pairs(given).expect("valid").to_vec();
             assert!(detector.pairs(given).expect("found") == expected, "{skin:?}, call {call}");
             let searched = detector.backend().device.interactions.as_ref().expect("a table");
-            assert_eq!(searched.reach(0).largest_half, half, "{skin:?}, call {call}");
+            assert_eq!(searched.species_radius(0).largest_half, half, "{skin:?}, call {call}");
         }
     }
 }

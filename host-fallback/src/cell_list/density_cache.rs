@@ -16,9 +16,9 @@ const MAX_REUSES: u32 = 15;
 const MAX_BOUNDS_SHIFT: f32 = 0.0625;
 /// A finer division must cost less than this fraction of the coarser one.
 const MAX_FINER_COST: f32 = 0.9;
-/// The limit for a division by reach: stricter, because its estimate is coarse.
+/// The limit for a division by distance: stricter, because its estimate is coarse.
 const MAX_NARROW_COST: f32 = 0.5;
-/// Nanoseconds per sphere. A search that costs less gains little by a division by reach.
+/// Nanoseconds per sphere. A search that costs less gains little by a division by distance.
 const CROWDED_NS: f32 = 200.0;
 /// Estimated nanoseconds per sphere of a search between groups.
 const CROSSING_NS: f32 = 60.0;

@@ -14,7 +14,7 @@ use crate::math::floor;
 /// Distance from the origin, in cells, below which `f64` distinguishes cells. Farther out, different `f32` coordinates
 /// are at least 2²⁵ cells apart.
 const MAX_COUNTED_CELLS: f64 = (1_u64 << 50) as f64;
-/// Below this reach, in cells, a far sphere touches only spheres with an equal coordinate.
+/// Below this half width of a range, in cells, a far sphere touches only spheres with an equal coordinate.
 const FAR_CELLS: f64 = (1_u64 << 24) as f64;
 /// Maximum repeats of a folded grid along a periodic axis: cell numbers stay exact, and cells far larger than rounding.
 const MAX_REPEATS: f64 = (1_u64 << 20) as f64;
@@ -40,7 +40,7 @@ pub(crate) struct CellGrid {
     /// Touching spheres are in equal or adjacent cells.
     pub(crate) adjoining: bool,
     /// Largest effective radius plus rounding.
-    reach: f64,
+    padded_largest: f64,
     largest: f32,
 }
 
@@ -106,7 +106,7 @@ impl CellGrid {
         let folded = reduced && (periodic.contains(&false) || cells != size.map(f64::from));
         let far = min.abs().max(max.abs()).max_element();
         let slack = if folded { 0.0 } else { f64::from(far) * ROUNDING };
-        let reach = f64::from(largest) * (1.0 + RADIUS_ROUNDING) + slack;
+        let padded_largest = f64::from(largest) * (1.0 + RADIUS_ROUNDING) + slack;
         let last = cells.map(|cells| cells - 1.0);
         let axes = Axes {
             per_length: [cell_sizes[0].recip(), cell_sizes[1].recip(), cell_sizes[2].recip(), 0.0],
@@ -114,10 +114,21 @@ impl CellGrid {
             last: [last[0], last[1], last[2], 0.0],
         };
         let narrowest = cell_sizes.into_iter().fold(f64::INFINITY, f64::min);
-        let adjoining = !folded && (f64::from(largest) + reach) * (1.0 + 1e-6) <= narrowest;
+        let adjoining = !folded && (f64::from(largest) + padded_largest) * (1.0 + 1e-6) <= narrowest;
         let circular = folded || periodic.contains(&true);
         let per_size = size.map(|size| f64::from(size).recip());
-        Self { per_size, axes, cell_sizes, periodic, size, folded, circular, adjoining, reach, largest }
+        Self {
+            per_size,
+            axes,
+            cell_sizes,
+            periodic,
+            size,
+            folded,
+            circular,
+            adjoining,
+            padded_largest,
+            largest,
+        }
     }
 
     pub(crate) fn largest(&self) -> f32 {
@@ -126,7 +137,7 @@ impl CellGrid {
 
     pub(crate) fn rows_around(&self, radius: f64) -> f64 {
         let cells = |axis: usize| {
-            let around = 1.0 + 2.0 * (radius + self.reach).max(0.0) / self.cell_sizes[axis];
+            let around = 1.0 + 2.0 * (radius + self.padded_largest).max(0.0) / self.cell_sizes[axis];
             around.min(f64::from(self.size[axis]))
         };
         cells(1) * cells(2)
@@ -159,9 +170,9 @@ impl CellGrid {
         if self.folded {
             return self.circular_block([x, y, z], r);
         }
-        let reach = f64::from(r) * (1.0 + RADIUS_ROUNDING) + self.reach;
-        let low = vector.cell(&self.axes, [x, y, z], -reach);
-        let high = vector.cell(&self.axes, [x, y, z], reach);
+        let half_width = f64::from(r) * (1.0 + RADIUS_ROUNDING) + self.padded_largest;
+        let low = vector.cell(&self.axes, [x, y, z], -half_width);
+        let high = vector.cell(&self.axes, [x, y, z], half_width);
         if self.circular {
             let is_outermost = |axis: usize| low[axis] == 0 || high[axis] + 1 >= self.size[axis];
             if (0..3).any(|axis| self.periodic[axis] & is_outermost(axis)) {
@@ -194,8 +205,12 @@ impl CellGrid {
     fn inner_part(&self, axis: usize, at: f64) -> [f32; 2] {
         let cell_size = self.cell_sizes[axis];
         let lower = at * cell_size;
-        let slack = (lower.abs() + cell_size + self.reach) * SINGLE_ROUNDING + f64::from(f32::MIN_POSITIVE);
-        [(lower + self.reach + slack) as f32, (lower + cell_size - self.reach - slack) as f32]
+        let slack =
+            (lower.abs() + cell_size + self.padded_largest) * SINGLE_ROUNDING + f64::from(f32::MIN_POSITIVE);
+        [
+            (lower + self.padded_largest + slack) as f32,
+            (lower + cell_size - self.padded_largest - slack) as f32,
+        ]
     }
 
     /// Returns `true` if no cell is adjacent to another cell both inside the box and across its boundary.
@@ -225,26 +240,28 @@ impl CellGrid {
         let (mut first, mut last) = ([0; 3], [0; 3]);
         for axis in 0..3 {
             let (x, per_length) = (f64::from(center[axis]), self.axes.per_length[axis]);
-            let reach = f64::from(radius) * (1.0 + RADIUS_ROUNDING) + self.reach + x.abs() * ROUNDING;
+            let half_width =
+                f64::from(radius) * (1.0 + RADIUS_ROUNDING) + self.padded_largest + x.abs() * ROUNDING;
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
                     let cells = self.axes.last[axis] + 1.0;
                     // Wrapping may move a coordinate by the rounding of a length, so a center at the end of the axis
                     // may touch the first cell.
-                    let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
+                    let (at, span) =
+                        (x * per_length + 0.5 * cells, half_width * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }
                 (false, true) if (x * per_length).abs() >= MAX_COUNTED_CELLS => {
-                    let is_near = reach * per_length < FAR_CELLS;
+                    let is_near = half_width * per_length < FAR_CELLS;
                     first[axis] = if is_near { self.far_cell(axis, center[axis]) } else { 0 };
                     last[axis] = if is_near { first[axis] } else { self.size[axis] - 1 };
                     continue;
                 }
-                (false, true) => (floor((x - reach) * per_length), floor((x + reach) * per_length)),
+                (false, true) => (floor((x - half_width) * per_length), floor((x + half_width) * per_length)),
                 (false, false) => {
                     let cell = |at: f64| (at * per_length - self.axes.origin[axis]).max(0.0);
                     let cut = |at: f64| cell(at).min(self.axes.last[axis]) as i64;
-                    (cut(x - reach), cut(x + reach))
+                    (cut(x - half_width), cut(x + half_width))
                 }
             };
             first[axis] = self.fold(axis, low);
@@ -349,14 +366,14 @@ mod tests {
     fn range_in_folded_periods_contains_every_touched_cell() {
         let mut random = crate::test_support::Random(9);
         for (length, cell_size) in [(10.0_f32, 0.3), (1000.0, 0.01), (1e-3, 1e-7), (7.0, 1e-12)] {
-            let reach = 1.5 * cell_size;
+            let cutoff = 1.5 * cell_size;
             let half = length / 2.0;
             let bounds = CenterBounds { min: Vec3::splat(-half), max: Vec3::splat(half) };
-            let grid = CellGrid::new(cell_size, bounds, [Some(length); 3], reach as f32, 1 << 12);
+            let grid = CellGrid::new(cell_size, bounds, [Some(length); 3], cutoff as f32, 1 << 12);
             assert!(grid.folded && grid.cells() <= 1 << 12, "{grid:?}");
             for _ in 0..2000 {
                 let near = Vec3::from(random.point(1.0)).map(|at| if at < 0.0 { half } else { half * at });
-                let apart = Vec3::from(random.point(reach as f32 / 2.0));
+                let apart = Vec3::from(random.point(cutoff as f32 / 2.0));
                 let other = (near + apart).map(|at| if at > half { at - length } else { at });
                 let touched = (near.as_dvec3() - other.as_dvec3()).map(|at| {
                     let at = at.abs();
@@ -365,7 +382,7 @@ mod tests {
                 let [x, y, z] = near.to_array();
                 let block = grid.block(Portable, [x, y, z, 0.0]);
                 let is_found = contains(&grid, block, grid.cell_of(Portable, other.to_array()));
-                assert!(is_found || touched.length() > reach, "{near} loses {other} in {grid:?}");
+                assert!(is_found || touched.length() > cutoff, "{near} loses {other} in {grid:?}");
             }
         }
     }

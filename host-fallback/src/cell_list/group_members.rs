@@ -110,14 +110,14 @@ impl GroupMembers {
         if self.bounds.min.x <= self.bounds.max.x { self.bounds } else { point }
     }
 
-    pub(super) fn reach(&self, other: &Self, meeting: Meeting, frame: Option<&SearchFrame>) -> f64 {
+    pub(super) fn cutoff(&self, other: &Self, meeting: Meeting, frame: Option<&SearchFrame>) -> f64 {
         let radii = f64::from(self.radius) + f64::from(other.radius);
         let searched = |frame: &SearchFrame| {
             let half = frame.radius(0.5 * meeting.distance);
             half.map_or(f64::INFINITY, |half| 2.0 * f64::from(half))
         };
         let distance = frame.map_or(meeting.distance, searched);
-        let reach = distance.max(if meeting.touches { radii } else { 0.0 });
-        reach + (f64::from(self.margin) + f64::from(other.margin))
+        let cutoff = distance.max(if meeting.touches { radii } else { 0.0 });
+        cutoff + (f64::from(self.margin) + f64::from(other.margin))
     }
 }

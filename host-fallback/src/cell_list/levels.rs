@@ -182,10 +182,10 @@ impl LevelCostModel<'_> {
         let distant = if is_folded { 1.0 / CELLS_PER_SPHERE } else { 0.0 };
         let classes = self.radii.iter().zip(&self.counts).skip(from);
         for (half, (radius, count)) in halves.iter_mut().zip(classes) {
-            let reach = 2.0 * (radius + self.radii[from]) / cell_size;
-            let rows = (1.0 + reach) * (1.0 + reach);
-            let distant = distant * rows * (1.0 + reach);
-            let met = self.density.mean(log_size + (1.0 + reach).log2()) + distant;
+            let span = 2.0 * (radius + self.radii[from]) / cell_size;
+            let rows = (1.0 + span) * (1.0 + span);
+            let distant = distant * rows * (1.0 + span);
+            let met = self.density.mean(log_size + (1.0 + span).log2()) + distant;
             *half = [count * row_ns * (rows - 1.0) / 2.0, count * self.density.compare_ns * met / 2.0];
         }
         halves

@@ -5,8 +5,8 @@
 //! sphere.
 //!
 //! Groups of spheres, such as two sets or species with the same partners, have separate levels. Of two levels whose
-//! groups pair, one searches the other. A group that reaches much farther to others than within itself may have grids
-//! for its own reach; others search these with larger radii.
+//! groups pair, one searches the other. A group that pairs much farther with others than within itself may have grids
+//! for its own distances; others search these with larger radii.
 
 mod density;
 mod density_cache;
@@ -121,12 +121,12 @@ impl LevelGrid {
         SearchRadius { excess: 0.0, cap: self.grid.largest() }
     }
 
-    /// `reach` is the largest distance of a pair.
-    fn search_of(&self, other: &Self, reach: f64) -> (SearchRadius, f64) {
+    /// `cutoff` is the largest distance of a pair.
+    fn search_of(&self, other: &Self, cutoff: f64) -> (SearchRadius, f64) {
         let largest = f64::from(other.grid.largest());
         let (excess, cap) = match self.group == other.group {
-            true => (0.0, (reach - largest).min(f64::from(self.grid.largest()))),
-            false => (f64::from(other.effective) - largest, reach - largest),
+            true => (0.0, (cutoff - largest).min(f64::from(self.grid.largest()))),
+            false => (f64::from(other.effective) - largest, cutoff - largest),
         };
         let most = f64::from(self.effective) + excess;
         let rounding = if excess > 0.0 { SUM_ROUNDING * most } else { 0.0 };
@@ -344,13 +344,13 @@ fn link(
             let (Some(meeting), false) = (grouping.meeting(a, b), levels[other].members.is_empty()) else {
                 continue;
             };
-            let reach = match members {
+            let cutoff = match members {
                 [] => f64::INFINITY,
                 _ if grouping.sets().is_some() => f64::INFINITY,
-                members => members[a].reach(&members[b], meeting, input.test.frame()),
+                members => members[a].cutoff(&members[b], meeting, input.test.frame()),
             };
-            let (radius, forth) = levels[own].search_of(&levels[other], reach);
-            let (_, back) = levels[other].search_of(&levels[own], reach);
+            let (radius, forth) = levels[own].search_of(&levels[other], cutoff);
+            let (_, back) = levels[other].search_of(&levels[own], cutoff);
             let is_from_own =
                 if a == b { own > other } else { forth < back || (forth == back && own < other) };
             if is_from_own {

@@ -119,7 +119,7 @@ fn groups_of_species_match_naive() {
                 settings: &settings,
                 wraps: true,
                 has_same_species: false,
-                ignores_reaches: false,
+                uses_only_radii: false,
             };
             let prepared = buffers.prepare(&query, preparation, Executor::Caller, phases);
             let prepared = prepared.expect("all are valid");
@@ -137,7 +137,7 @@ fn groups_of_species_match_naive() {
                     }
                 }
             }
-            for division in [Division::Merged, Division::ByPartners, Division::ByReach] {
+            for division in [Division::Merged, Division::ByPartners, Division::ByDistance] {
                 let mut list = CellList::default();
                 let density_cache =
                     DensityCache::of(None, &input).expect("there is memory").with_division(division, &input);

@@ -112,7 +112,7 @@ mod tests {
                 settings: &settings,
                 wraps: false,
                 has_same_species: false,
-                ignores_reaches: true,
+                uses_only_radii: true,
             };
             let prepared = buffers.prepare(&query, preparation, Executor::Caller, &mut Vec::new());
             let prepared = prepared.expect("valid spheres");

@@ -1,4 +1,4 @@
-use lazygrid_kernels::{SpeciesReach, Sphere};
+use lazygrid_kernels::{SpeciesRadius, Sphere};
 
 use super::{PairTest, Xyzr};
 use crate::memory::{prefetch, prefetch_address};
@@ -29,9 +29,9 @@ impl PairTest<'_> {
         match (rows, columns, self.species_radii()) {
             _ if self.has_margin() => task.run(self),
             (Some(rows), _, None) => task.run(rows),
-            (Some(rows), _, Some((ids, reaches))) => task.run((rows, ids, reaches)),
+            (Some(rows), _, Some((ids, species_radii))) => task.run((rows, ids, species_radii)),
             (None, Some(columns), None) => task.run(columns),
-            (None, Some(columns), Some((ids, reaches))) => task.run((columns, ids, reaches)),
+            (None, Some(columns), Some((ids, species_radii))) => task.run((columns, ids, species_radii)),
             (None, None, _) => task.run(self),
         }
     }
@@ -71,7 +71,7 @@ impl EffectiveRows for [&[f32]; 4] {
     }
 }
 
-impl<R: EffectiveRows> EffectiveRows for (R, &[u32], &[SpeciesReach]) {
+impl<R: EffectiveRows> EffectiveRows for (R, &[u32], &[SpeciesRadius]) {
     #[inline(always)]
     fn prefetch(self, k: usize) {
         self.0.prefetch(k);

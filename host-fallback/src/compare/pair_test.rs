@@ -1,7 +1,7 @@
 use std::borrow::Cow;
 
 use glam::{DVec3, Vec3};
-use lazygrid_kernels::{Interaction, Interactions, Space, SpeciesReach, Spheres};
+use lazygrid_kernels::{Interaction, Interactions, Space, SpeciesRadius, Spheres};
 
 use super::triclinic_filter::TriclinicFilter;
 use super::{PairFilter, PeriodicBox, Xyzr};
@@ -62,7 +62,7 @@ pub(crate) struct SkinMargin<'a> {
 struct Species<'a> {
     table: &'a Interactions,
     ids: &'a [u32],
-    reaches: Cow<'a, [SpeciesReach]>,
+    species_radii: Cow<'a, [SpeciesRadius]>,
 }
 
 /// Rounds up: candidates must include every possible pair.
@@ -75,23 +75,27 @@ impl<'a> PairTest<'a> {
     /// Species ids must have been checked.
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
         #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
-        let reaches = |table: &Interactions| (0..table.species()).map(|s| table.reach(s)).collect();
-        Self::with_reaches(spheres, interactions.map(|table| (table, Cow::Owned(reaches(table)))))
+        let species_radii =
+            |table: &Interactions| (0..table.species()).map(|s| table.species_radius(s)).collect();
+        Self::with_species_radii(spheres, interactions.map(|table| (table, Cow::Owned(species_radii(table)))))
     }
 
     pub(crate) fn of_present(
         spheres: Spheres<'a>,
-        table: Option<(&'a Interactions, &'a [SpeciesReach])>,
+        table: Option<(&'a Interactions, &'a [SpeciesRadius])>,
     ) -> Self {
-        Self::with_reaches(spheres, table.map(|(table, reaches)| (table, Cow::Borrowed(reaches))))
+        Self::with_species_radii(
+            spheres,
+            table.map(|(table, species_radii)| (table, Cow::Borrowed(species_radii))),
+        )
     }
 
-    fn with_reaches(
+    fn with_species_radii(
         spheres: Spheres<'a>,
-        table: Option<(&'a Interactions, Cow<'a, [SpeciesReach]>)>,
+        table: Option<(&'a Interactions, Cow<'a, [SpeciesRadius]>)>,
     ) -> Self {
         let with_ids = table.zip(spheres.species());
-        let species = with_ids.map(|((table, reaches), ids)| Species { table, ids, reaches });
+        let species = with_ids.map(|((table, species_radii), ids)| Species { table, ids, species_radii });
         let (space, is_plain) = (Space::UNBOUNDED, species.is_none());
         let (lengths, margin, filter, frame, triclinic) = Default::default();
         Self {
@@ -167,8 +171,8 @@ impl<'a> PairTest<'a> {
     }
 
     #[inline(always)]
-    pub(crate) fn species_radii(&self) -> Option<(&'a [u32], &[SpeciesReach])> {
-        self.species.as_ref().map(|species| (species.ids, &*species.reaches))
+    pub(crate) fn species_radii(&self) -> Option<(&'a [u32], &[SpeciesRadius])> {
+        self.species.as_ref().map(|species| (species.ids, &*species.species_radii))
     }
 
     pub(crate) fn species_count(&self) -> u32 {
@@ -198,7 +202,7 @@ impl<'a> PairTest<'a> {
             None => (0, sphere.radius),
             Some(s) => {
                 let species = s.ids[id as usize];
-                (species, s.reaches[species as usize].effective.for_radius(sphere.radius))
+                (species, s.species_radii[species as usize].effective.for_radius(sphere.radius))
             }
         };
         let (margin, widened) = match &self.margin {
@@ -211,15 +215,15 @@ impl<'a> PairTest<'a> {
         SphereRadii { center: sphere.center, own: sphere.radius, effective, margin, widened }
     }
 
-    /// Covers the interactions of `reach`, with the skin margin.
+    /// Covers the interactions of `species_radius`, with the skin margin.
     #[inline]
-    pub(crate) fn radius_within(&self, id: u32, reach: SpeciesReach) -> f32 {
+    pub(crate) fn radius_within(&self, id: u32, species_radius: SpeciesRadius) -> f32 {
         let SphereRadii { own, effective, margin, widened: most, .. } = self.radii(id);
         let radius = match self.frame {
             // The own radius may grow while candidates are kept; in a frame it is unknown.
-            _ if reach.effective.touches && (self.has_margin() || self.frame.is_some()) => effective,
-            None => reach.effective.for_radius(own),
-            Some(frame) => frame.radius(reach.largest_half).unwrap_or(effective),
+            _ if species_radius.effective.touches && (self.has_margin() || self.frame.is_some()) => effective,
+            None => species_radius.effective.for_radius(own),
+            Some(frame) => frame.radius(species_radius.largest_half).unwrap_or(effective),
         };
         if self.has_margin() { widened(radius, margin).min(most) } else { radius.min(most) }
     }
@@ -263,10 +267,10 @@ impl<'a> PairTest<'a> {
     fn touch(&self, i: u32, j: u32) -> bool {
         let (a, b) = (self.spheres.get(i as usize), self.spheres.get(j as usize));
         let radii = f64::from(a.radius) + f64::from(b.radius);
-        let reach = match &self.species {
+        let cutoff = match &self.species {
             None => Some(radii),
             Some(s) => s.table.get(s.ids[i as usize], s.ids[j as usize]).cutoff(radii),
         };
-        reach.is_some_and(|reach| within(self.lengths, a.center, b.center, reach))
+        cutoff.is_some_and(|cutoff| within(self.lengths, a.center, b.center, cutoff))
     }
 }

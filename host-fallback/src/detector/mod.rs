@@ -127,7 +127,7 @@ impl SearchBackend for HostBackend {
                 Some(prepared) => prepared,
                 None => {
                     let preparation =
-                        Preparation { settings, wraps: true, has_same_species, ignores_reaches: false };
+                        Preparation { settings, wraps: true, has_same_species, uses_only_radii: false };
                     buffers.prepare(query, preparation, executor, &mut state.report.phases)?
                 }
             };

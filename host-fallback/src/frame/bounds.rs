@@ -70,7 +70,7 @@ impl Bounds {
         if self.min[axis] > self.max[axis] { 0.0 } else { 0.5 * self.min[axis] + 0.5 * self.max[axis] }
     }
 
-    pub(super) fn reach(&self, axis: usize, origin: f64) -> f64 {
+    pub(super) fn largest_offset(&self, axis: usize, origin: f64) -> f64 {
         (self.max[axis] - origin).max(origin - self.min[axis])
     }
 }

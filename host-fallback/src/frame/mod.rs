@@ -94,7 +94,7 @@ impl SearchFrame {
     }
 
     fn grows_least(&self, bounds: &Bounds) -> bool {
-        let largest = [0, 1, 2].map(|axis| bounds.reach(axis, self.origin[axis]));
+        let largest = [0, 1, 2].map(|axis| bounds.largest_offset(axis, self.origin[axis]));
         self.orthogonalization().is_some_and(|cell| cell.has_least_growth(largest))
     }
 
@@ -139,7 +139,8 @@ impl SearchFrame {
         let periodic = Self::periodic_axes(space);
         let free =
             |axis: &usize| !periodic[*axis] && space.triclinic_cell().is_none_or(|cell| cell.rank() < 3);
-        let extent = (0..3).filter(free).map(|axis| bounds.reach(axis, origin[axis])).fold(0.0, f64::max);
+        let extent =
+            (0..3).filter(free).map(|axis| bounds.largest_offset(axis, origin[axis])).fold(0.0, f64::max);
         let spread = (0..3).map(|axis| 0.5 * bounds.max[axis] - 0.5 * bounds.min[axis]).fold(0.0, f64::max);
         let box_size = space.triclinic_cell().map_or(0.0, TriclinicCell::longest);
         let lengths = space.lengths().into_iter().flatten().fold(box_size, f64::max);

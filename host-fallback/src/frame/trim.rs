@@ -64,17 +64,17 @@ impl SearchFrame {
             origin[axis] = median(&mut sample, axis);
         }
         let last = last.filter(|last| last.is_trimmed && last.is_near(&origin));
-        let reach = Reach { origin: last.map_or(origin, |last| last.origin), is_free };
+        let extent = FreeExtent { origin: last.map_or(origin, |last| last.origin), is_free };
         let most = self.scale.recip() / MIN_GAIN;
-        if sample.iter().filter(|row| reach.of(row) > most).count() > SAMPLE_OUTSIDE {
+        if sample.iter().filter(|row| extent.of(row) > most).count() > SAMPLE_OUTSIDE {
             return None;
         }
-        let size = reach.size_of_most(rows, executor).max(radius * (GROWN[1] / GROWTH[1]));
-        let size = size.max(Self::size(&reach.cut(rows.bounds), space, &reach.origin));
+        let size = extent.size_of_most(rows, executor).max(radius * (GROWN[1] / GROWTH[1]));
+        let size = size.max(Self::size(&extent.cut(rows.bounds), space, &extent.origin));
         if size > most {
             return None;
         }
-        let trimmed = Self { is_trimmed: true, ..Self::at(reach.origin, scale_of(size), space) };
+        let trimmed = Self { is_trimmed: true, ..Self::at(extent.origin, scale_of(size), space) };
         let kept = last.filter(|last| last.scale <= trimmed.scale && trimmed.scale <= 4.0 * last.scale);
         Some(kept.cloned().unwrap_or(trimmed))
     }
@@ -86,16 +86,16 @@ impl SearchFrame {
     /// The extent along unbounded axes does not matter in a trimmed frame.
     pub(super) fn without_free_axes(&self, bounds: &Bounds, space: &Space) -> Bounds {
         let is_free = Self::periodic_axes(space).map(|is_periodic| !is_periodic);
-        Reach { origin: self.origin, is_free }.cut(bounds)
+        FreeExtent { origin: self.origin, is_free }.cut(bounds)
     }
 }
 
-struct Reach {
+struct FreeExtent {
     origin: [f64; 3],
     is_free: [bool; 3],
 }
 
-impl Reach {
+impl FreeExtent {
     fn of(&self, row: &[f64; 4]) -> f64 {
         let along =
             |axis: usize| if self.is_free[axis] { (row[axis] - self.origin[axis]).abs() } else { 0.0 };
@@ -104,7 +104,8 @@ impl Reach {
 
     fn size_of_most(&self, rows: &RowsByIndex<'_>, executor: Executor) -> f64 {
         let farthest = (0..3).filter(|&axis| self.is_free[axis]);
-        let farthest = farthest.map(|axis| rows.bounds.reach(axis, self.origin[axis])).fold(0.0, f64::max);
+        let farthest =
+            farthest.map(|axis| rows.bounds.largest_offset(axis, self.origin[axis])).fold(0.0, f64::max);
         let levels = self.count_levels(rows, exponent(farthest), executor);
         let (mut outside, mut level) = (0, 0);
         while level < EXPONENTS && outside + levels[level] as usize <= rows.most_outside() {

@@ -190,11 +190,11 @@ impl UniformGrid {
         let center = center.as_dvec3();
         if PERIODIC {
             let PeriodicAxes { per_length, origin, lengths, .. } = self.periodic;
-            let reach = center.abs().max(lengths) * ROUNDING + f64::from(radius) * WIDER;
-            return ((center - reach) * per_length + origin, (center + reach) * per_length + origin);
+            let half = center.abs().max(lengths) * ROUNDING + f64::from(radius) * WIDER;
+            return ((center - half) * per_length + origin, (center + half) * per_length + origin);
         }
-        let reach = center.abs() * ROUNDING + f64::from(radius) * WIDER;
-        ((center - reach) * self.per_length + self.shift, (center + reach) * self.per_length + self.shift)
+        let half = center.abs() * ROUNDING + f64::from(radius) * WIDER;
+        ((center - half) * self.per_length + self.shift, (center + half) * self.per_length + self.shift)
     }
 
     /// On a ring, numbers may exceed the end; see [`wrap`](Self::wrap).

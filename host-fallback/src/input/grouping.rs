@@ -44,7 +44,7 @@ impl<'a> Grouping<'a> {
         }
     }
 
-    /// Returns `true` if some group reaches farther to others than within itself.
+    /// Returns `true` if some group pairs farther with others than within itself.
     pub(crate) fn is_narrow(&self) -> bool {
         self.species.is_some_and(|(partition, _)| !partition.narrow.is_empty())
     }

@@ -1,6 +1,6 @@
 //! The spheres of a call in the caller's layout, and their map to the search frame.
 
-use lazygrid_kernels::{Space, SpeciesReach, SphereValues, Spheres, Strided, widened};
+use lazygrid_kernels::{Space, SpeciesRadius, SphereValues, Spheres, Strided, widened};
 
 use crate::compare::{SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
@@ -9,7 +9,7 @@ use crate::memory::{prefetch, prefetch_address, prefetch_row};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InputSpheres<'a> {
     spheres: Spheres<'a>,
-    species: Option<(&'a [u32], &'a [SpeciesReach])>,
+    species: Option<(&'a [u32], &'a [SpeciesRadius])>,
     frame: &'a SearchFrame,
     space: &'a Space,
 }
@@ -39,11 +39,11 @@ pub(crate) trait InputLoop {
 impl<'a> InputSpheres<'a> {
     pub(super) fn new(
         spheres: Spheres<'a>,
-        reaches: Option<&'a [SpeciesReach]>,
+        species_radii: Option<&'a [SpeciesRadius]>,
         frame: &'a SearchFrame,
         space: &'a Space,
     ) -> Self {
-        Self { spheres, species: spheres.species().zip(reaches), frame, space }
+        Self { spheres, species: spheres.species().zip(species_radii), frame, space }
     }
 
     pub(crate) fn frame_holds(&self, bounds: &Bounds) -> bool {
@@ -63,7 +63,8 @@ impl<'a> InputSpheres<'a> {
 
     pub(super) fn effective_row(self, k: usize) -> [f64; 4] {
         let row = self.spheres.get_f64(k);
-        self.species.map_or(row, |(species, reaches)| effective(row, reaches[species[k] as usize]))
+        self.species
+            .map_or(row, |(species, species_radii)| effective(row, species_radii[species[k] as usize]))
     }
 
     pub(crate) fn frame_map(&self) -> FrameMap<'a> {
@@ -80,7 +81,7 @@ struct Run<'a, V, L> {
     vector: V,
     task: L,
     map: &'a FrameMap<'a>,
-    species: Option<(&'a [u32], &'a [SpeciesReach])>,
+    species: Option<(&'a [u32], &'a [SpeciesRadius])>,
 }
 
 impl<V: SimdWidth, L: InputLoop> Run<'_, V, L> {
@@ -90,11 +91,11 @@ impl<V: SimdWidth, L: InputLoop> Run<'_, V, L> {
         match (species, map.is_unbounded()) {
             (None, true) => task.run::<V, false>(vector, rows, map),
             (None, false) => task.run::<V, true>(vector, rows, map),
-            (Some((ids, reaches)), true) => {
-                task.run::<V, false>(vector, OfSpecies { rows, ids, reaches }, map)
+            (Some((ids, species_radii)), true) => {
+                task.run::<V, false>(vector, OfSpecies { rows, ids, species_radii }, map)
             }
-            (Some((ids, reaches)), false) => {
-                task.run::<V, true>(vector, OfSpecies { rows, ids, reaches }, map)
+            (Some((ids, species_radii)), false) => {
+                task.run::<V, true>(vector, OfSpecies { rows, ids, species_radii }, map)
             }
         }
     }
@@ -105,7 +106,9 @@ impl<V: SimdWidth, L: InputLoop> Run<'_, V, L> {
         let Self { vector, task, map, species } = self;
         match species {
             None => task.run::<V, true>(vector, rows, map),
-            Some((ids, reaches)) => task.run::<V, true>(vector, OfSpecies { rows, ids, reaches }, map),
+            Some((ids, species_radii)) => {
+                task.run::<V, true>(vector, OfSpecies { rows, ids, species_radii }, map)
+            }
         }
     }
 }
@@ -138,7 +141,7 @@ impl<T: Copy + Into<f64>> InputRows for &Strided<'_, T> {
 struct OfSpecies<'a, R> {
     rows: R,
     ids: &'a [u32],
-    reaches: &'a [SpeciesReach],
+    species_radii: &'a [SpeciesRadius],
 }
 
 impl<R: InputRows> InputRows for OfSpecies<'_, R> {
@@ -155,13 +158,13 @@ impl<R: InputRows> InputRows for OfSpecies<'_, R> {
 
     #[inline(always)]
     fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4] {
-        effective(row, self.reaches[self.ids[k] as usize])
+        effective(row, self.species_radii[self.ids[k] as usize])
     }
 }
 
 /// Keeps an invalid radius, because the validity check must find it.
 #[inline(always)]
-fn effective([x, y, z, radius]: [f64; 4], reach: SpeciesReach) -> [f64; 4] {
+fn effective([x, y, z, radius]: [f64; 4], species_radius: SpeciesRadius) -> [f64; 4] {
     let is_valid = (0.0..f64::INFINITY).contains(&radius);
-    [x, y, z, if is_valid { reach.for_radius(radius) } else { radius }]
+    [x, y, z, if is_valid { species_radius.for_radius(radius) } else { radius }]
 }

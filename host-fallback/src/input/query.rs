@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use lazygrid_kernels::{Interactions, MAX_SPHERES, Query, Space, SpeciesReach, Sphere, Spheres};
+use lazygrid_kernels::{Interactions, MAX_SPHERES, Query, Space, SpeciesRadius, Sphere, Spheres};
 
 use super::copy::{copy, map_to_frame};
 use super::input_spheres::InputSpheres;
@@ -48,7 +48,7 @@ pub struct Preparation<'a> {
     /// `true` if the species of the spheres are those of the last query.
     pub has_same_species: bool,
     /// `true` if the search uses only radii.
-    pub ignores_reaches: bool,
+    pub uses_only_radii: bool,
 }
 
 impl PreparedQuery<'_> {
@@ -63,7 +63,7 @@ impl PreparedQuery<'_> {
     }
 
     pub(crate) fn test<'q>(&'q self, settings: &'q Settings) -> PairTest<'q> {
-        let table = settings.interactions.as_ref().zip(self.groups.map(SpeciesGroups::reaches));
+        let table = settings.interactions.as_ref().zip(self.groups.map(SpeciesGroups::species_radii));
         let test = match self.frame {
             Some(frame) => PairTest::new(self.spheres, None).in_space(frame.space()),
             None => PairTest::of_present(self.spheres, table).in_space(settings.space),
@@ -93,7 +93,7 @@ impl QueryBuffers {
     pub fn prepare<'a>(
         &'a mut self,
         query: &Query<'a>,
-        Preparation { settings, wraps, has_same_species, ignores_reaches }: Preparation<'a>,
+        Preparation { settings, wraps, has_same_species, uses_only_radii }: Preparation<'a>,
         executor: Executor,
         phases: &mut Vec<PhaseTime>,
     ) -> Result<PreparedQuery<'a>, Error> {
@@ -103,9 +103,9 @@ impl QueryBuffers {
         if let Some(table) = settings.interactions.as_ref().filter(|_| !has_same_species) {
             self.groups.update(query, table, executor)?;
         }
-        // Reaches between groups are infinite in a triclinic frame.
-        let ignores_reaches = ignores_reaches || space.triclinic_cell().is_some();
-        let chooses = is_framed && ignores_reaches && !has_same_species;
+        // Distances between groups are infinite in a triclinic frame.
+        let uses_only_radii = uses_only_radii || space.triclinic_cell().is_some();
+        let chooses = is_framed && uses_only_radii && !has_same_species;
         if let Some(table) = settings.interactions.as_ref().filter(|_| chooses) {
             self.groups.choose_radii(query, table)?;
         }
@@ -148,8 +148,8 @@ impl QueryBuffers {
         }
         let groups = settings.interactions.as_ref().map(|_| &self.groups);
         let spheres = query.first();
-        let reaches = frame_reaches(&self.groups, settings, frame);
-        let input = Some(InputSpheres::new(spheres, reaches, frame, &settings.space));
+        let species_radii = frame_species_radii(&self.groups, settings, frame);
+        let input = Some(InputSpheres::new(spheres, species_radii, frame, &settings.space));
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), input, filter, groups }))
     }
 
@@ -216,9 +216,9 @@ impl QueryBuffers {
         settings: &Settings,
         frame: &SearchFrame,
     ) -> impl Fn(usize) -> [f64; 4] + Sync {
-        let reaches = frame_reaches(&self.groups, settings, frame);
+        let species_radii = frame_species_radii(&self.groups, settings, frame);
         let given = move |set: Spheres<'_>, k| {
-            InputSpheres::new(set, reaches, frame, &settings.space).effective_row(k)
+            InputSpheres::new(set, species_radii, frame, &settings.space).effective_row(k)
         };
         let first = query.first();
         move |k: usize| match query.second() {
@@ -235,10 +235,10 @@ impl QueryBuffers {
         executor: Executor,
     ) -> Result<Bounds, Error> {
         let Self { spheres, groups, .. } = self;
-        let reaches = frame_reaches(groups, settings, frame);
+        let species_radii = frame_species_radii(groups, settings, frame);
         let (first, second) = spheres.split_at_mut(query.first().len());
         let map = |set: Spheres<'_>, targets| {
-            let input = InputSpheres::new(set, reaches, frame, &settings.space);
+            let input = InputSpheres::new(set, species_radii, frame, &settings.space);
             map_to_frame(input, targets, settings.simd, executor.for_light_work(set.len()))
         };
         let bounds = map(query.first(), first)?;
@@ -256,15 +256,15 @@ impl QueryBuffers {
 
 /// Limits unequal radii to an eighth of the shortest period, because slabs cannot divide a period of less than four
 /// radii.
-fn frame_reaches<'g>(
+fn frame_species_radii<'g>(
     groups: &'g SpeciesGroups,
     settings: &Settings,
     frame: &SearchFrame,
-) -> Option<&'g [SpeciesReach]> {
+) -> Option<&'g [SpeciesRadius]> {
     let lengths = frame.space().lengths().into_iter().flatten();
     let shortest = lengths.fold(f64::INFINITY, f64::min);
     let most = shortest / (8.0 * frame.scale());
-    settings.interactions.as_ref().map(|_| groups.reaches_in_frame(most))
+    settings.interactions.as_ref().map(|_| groups.species_radii_in_frame(most))
 }
 
 /// Gives empty sets the required species ids.

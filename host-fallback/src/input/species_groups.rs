@@ -1,8 +1,8 @@
-//! The species that are present, their reach to each other, and their groups.
+//! The species that are present, their radii for each other, and their groups.
 
 #![expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
 
-use lazygrid_kernels::{Interactions, Query, SpeciesReach};
+use lazygrid_kernels::{Interactions, Query, SpeciesRadius};
 
 use super::species_partition::{Division, MAX_PRESENT, SpeciesPartition, SpeciesTable};
 use super::unequal_radii::UnequalRadii;
@@ -17,7 +17,7 @@ const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 pub struct SpeciesGroups {
     /// One bit per species.
     present: [u64; WORDS],
-    reaches: Vec<SpeciesReach>,
+    species_radii: Vec<SpeciesRadius>,
     unequal_radii: UnequalRadii,
     /// Indexed by [`Division`].
     partitions: [SpeciesPartition; 3],
@@ -26,8 +26,8 @@ pub struct SpeciesGroups {
 
 impl Default for SpeciesGroups {
     fn default() -> Self {
-        let (reaches, unequal_radii, partitions) = Default::default();
-        Self { present: [0; WORDS], reaches, unequal_radii, partitions, version: 0 }
+        let (species_radii, unequal_radii, partitions) = Default::default();
+        Self { present: [0; WORDS], species_radii, unequal_radii, partitions, version: 0 }
     }
 }
 
@@ -35,10 +35,10 @@ impl SpeciesGroups {
     /// Returns the most bytes for a table of `species` and `spheres` spheres, while the present species change.
     pub(crate) fn memory_for(species: u32, spheres: u64) -> u64 {
         let (all, present) = (u64::from(species), spheres.min(species.into()));
-        // Old and new reaches, old and new ones in frames, and the table's reaches beyond `MAX_PRESENT`.
-        let reaches = 5 * size_of::<SpeciesReach>() as u64 * all;
+        // Old and new radii, old and new ones in frames, and the table's radii beyond `MAX_PRESENT`.
+        let species_radii = 5 * size_of::<SpeciesRadius>() as u64 * all;
         let lists = 3 * size_of::<u32>() as u64 * present;
-        reaches + lists + 2 * SpeciesPartition::memory_of_three(all, present)
+        species_radii + lists + 2 * SpeciesPartition::memory_of_three(all, present)
     }
 
     /// `table` must be the same in every call, and contain the query's species.
@@ -58,19 +58,19 @@ impl SpeciesGroups {
         }
         let is_present = |species: &u32| has(&found, *species);
         let present: Vec<u32> = (0..table.species()).filter(is_present).collect();
-        let reach = |species| match present.len() > MAX_PRESENT {
-            true => table.reach(species),
-            false if is_present(&species) => table.reach_among(species, present.iter().copied()),
-            false => SpeciesReach::NONE,
+        let species_radius = |species| match present.len() > MAX_PRESENT {
+            true => table.species_radius(species),
+            false if is_present(&species) => table.species_radius_among(species, present.iter().copied()),
+            false => SpeciesRadius::NONE,
         };
-        let reaches = try_collect((0..table.species()).map(reach), "reaches of species")?;
-        let table = SpeciesTable { interactions: table, reaches: &reaches };
-        let [merged, by_partners, by_reach] = SpeciesPartition::of_present(&present, table);
-        let by_reach = by_reach.narrowed(&present, table)?;
-        self.unequal_radii = UnequalRadii::new(&by_reach);
-        self.partitions = [merged, by_partners, by_reach];
+        let species_radii = try_collect((0..table.species()).map(species_radius), "reaches of species")?;
+        let table = SpeciesTable { interactions: table, species_radii: &species_radii };
+        let [merged, by_partners, by_distance] = SpeciesPartition::of_present(&present, table);
+        let by_distance = by_distance.narrowed(&present, table)?;
+        self.unequal_radii = UnequalRadii::new(&by_distance);
+        self.partitions = [merged, by_partners, by_distance];
         (self.present, self.version) = (found, self.version.wrapping_add(1).max(1));
-        self.reaches = reaches;
+        self.species_radii = species_radii;
         Ok(())
     }
 
@@ -79,9 +79,9 @@ impl SpeciesGroups {
         has(&self.present, species)
     }
 
-    /// Returns the reach of each species to those of the last update.
-    pub fn reaches(&self) -> &[SpeciesReach] {
-        &self.reaches
+    /// Returns the radius of each species for those of the last update.
+    pub fn species_radii(&self) -> &[SpeciesRadius] {
+        &self.species_radii
     }
 
     /// Spheres and `table` must be those of the last update.
@@ -89,17 +89,17 @@ impl SpeciesGroups {
         if self.unequal_radii.may_differ() {
             let present: Vec<u32> =
                 (0..table.species()).filter(|&species| self.is_present(species)).collect();
-            let table = SpeciesTable { interactions: table, reaches: &self.reaches };
-            let [.., by_reach] = &self.partitions;
-            let has_changed = self.unequal_radii.choose(query, by_reach, &present, table)?;
+            let table = SpeciesTable { interactions: table, species_radii: &self.species_radii };
+            let [.., by_distance] = &self.partitions;
+            let has_changed = self.unequal_radii.choose(query, by_distance, &present, table)?;
             self.version = self.version.wrapping_add(has_changed.into()).max(1);
         }
         Ok(())
     }
 
-    /// Returns the chosen reaches if no radius exceeds `most`, else those of the last update.
-    pub(super) fn reaches_in_frame(&self, most: f64) -> &[SpeciesReach] {
-        self.unequal_radii.reaches(most).unwrap_or(&self.reaches)
+    /// Returns the chosen radii if no radius exceeds `most`, else those of the last update.
+    pub(super) fn species_radii_in_frame(&self, most: f64) -> &[SpeciesRadius] {
+        self.unequal_radii.species_radii(most).unwrap_or(&self.species_radii)
     }
 
     pub(crate) fn partition(&self, division: Division) -> &SpeciesPartition {
@@ -107,11 +107,11 @@ impl SpeciesGroups {
     }
 
     pub(crate) fn finer_divisions(&self) -> impl Iterator<Item = Division> {
-        let [merged, by_partners, by_reach] = &self.partitions;
+        let [merged, by_partners, by_distance] = &self.partitions;
         let divides = by_partners.count > merged.count;
-        let narrows = !by_reach.narrow.is_empty();
+        let narrows = !by_distance.narrow.is_empty();
         let by_partners = divides.then_some(Division::ByPartners);
-        by_partners.into_iter().chain(narrows.then_some(Division::ByReach))
+        by_partners.into_iter().chain(narrows.then_some(Division::ByDistance))
     }
 
     /// Returns a number that changes with the present species, and with the choice of radii in frames.
@@ -280,25 +280,25 @@ mod tests {
     }
 
     #[test]
-    fn reaches_are_those_to_present_species() {
+    fn radii_cover_only_present_species() {
         let mut table = Interactions::new(3, Interaction::Within(0.5)).expect("a table");
         table.set(0, 1, Interaction::Within(8.0)).expect("species of the table");
-        let half = |ids: &[u32]| groups(ids, &table).reaches()[0].largest_half;
+        let half = |ids: &[u32]| groups(ids, &table).species_radii()[0].largest_half;
         assert_eq!([half(&[0, 2]), half(&[0, 1, 2]), half(&[1, 2])], [0.25, 4.0, 0.0]);
     }
 
     #[test]
-    fn species_with_the_same_partners_are_divided_by_reach() {
+    fn species_with_the_same_partners_are_divided_by_distance() {
         let mut table = Interactions::new(3, Interaction::Within(8.0)).expect("a table");
         table.set(0, 0, Interaction::Within(0.5)).expect("species of the table");
         let groups = groups(&[0, 1, 2], &table);
-        assert!(groups.finer_divisions().eq([Division::ByReach]));
-        let by_reach = groups.partition(Division::ByReach);
-        assert_eq!((&by_reach.of_species[..], by_reach.count), (&[0, 1, 1][..], 2));
-        assert_eq!([0, 1].map(|species| by_reach.narrow[species].largest_half), [0.25, 4.0]);
+        assert!(groups.finer_divisions().eq([Division::ByDistance]));
+        let by_distance = groups.partition(Division::ByDistance);
+        assert_eq!((&by_distance.of_species[..], by_distance.count), (&[0, 1, 1][..], 2));
+        assert_eq!([0, 1].map(|species| by_distance.narrow[species].largest_half), [0.25, 4.0]);
         assert!(groups.partition(Division::Merged).narrow.is_empty());
         table.set(0, 0, Interaction::Within(7.0)).expect("species of the table");
-        assert!(self::groups(&[0, 1, 2], &table).partition(Division::ByReach).narrow.is_empty());
+        assert!(self::groups(&[0, 1, 2], &table).partition(Division::ByDistance).narrow.is_empty());
     }
 
     fn halves_in_frame(groups: &mut SpeciesGroups, counts: [usize; 3], table: &Interactions) -> [f64; 3] {
@@ -307,7 +307,7 @@ mod tests {
         let query = Spheres::from(&spheres).with_species(&ids).expect("as many").into();
         groups.update(&query, table, Executor::Caller).expect("nothing fails");
         groups.choose_radii(&query, table).expect("there is memory");
-        [0, 1, 2].map(|species| groups.reaches_in_frame(10.0)[species].largest_half)
+        [0, 1, 2].map(|species| groups.species_radii_in_frame(10.0)[species].largest_half)
     }
 
     #[test]
@@ -315,9 +315,9 @@ mod tests {
         let mut table = Interactions::new(3, Interaction::Within(8.0)).expect("a table");
         table.set(0, 0, Interaction::Within(0.5)).expect("species of the table");
         let mut groups = self::groups(&[0, 1, 2], &table);
-        assert_eq!(groups.reaches_in_frame(10.0)[0].largest_half, 4.0, "of a search with reaches");
+        assert_eq!(groups.species_radii_in_frame(10.0)[0].largest_half, 4.0, "of a search by distances");
         assert_eq!(halves_in_frame(&mut groups, [5000, 2, 2], &table), [0.25, 7.75, 7.75]);
-        assert_eq!(groups.reaches_in_frame(7.0)[0].largest_half, 4.0, "a radius is larger");
+        assert_eq!(groups.species_radii_in_frame(7.0)[0].largest_half, 4.0, "a radius is larger");
         let version = groups.version();
         assert_eq!(halves_in_frame(&mut groups, [2000, 300, 300], &table)[0], 0.25, "the same choice");
         assert_eq!(groups.version(), version);

@@ -1,6 +1,6 @@
 //! Species grouped by their partners, so that a search compares only spheres that may pair.
 //!
-//! Species with the same present partners share a group. The division by reach also requires about the same distances.
+//! Species with the same present partners share a group. The division by distance also requires about the same distances.
 
 #![expect(
     clippy::disallowed_methods,
@@ -8,7 +8,7 @@
     reason = "lists have at most MAX_PRESENT species or MAX_GROUPS groups"
 )]
 
-use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, SpeciesReach};
+use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, SpeciesRadius};
 
 use super::shared_groups::share_groups;
 use crate::Error;
@@ -21,7 +21,7 @@ pub(super) const MAX_PRESENT: usize = 512;
 /// Largest sum of two effective radii, as a multiple of the distance that they represent: rounding up adds one ulp, or
 /// 4 of the 16 half ulps of the filter's band in the square.
 const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
-/// Reach of a species in its own group, as a fraction of its reach to all species, below which both are distinguished.
+/// Radius of a species for its own group, as a fraction of that for all species, below which both are distinguished.
 const MAX_NARROW: f32 = 0.5;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +42,7 @@ impl Meeting {
         let (meeting, pairs) = species.fold((none, false), |(mut meeting, pairs), (a, b)| {
             let interaction = table.interactions.get(a, b);
             let is_by_radii = [a, b].into_iter().all(|species| {
-                let EffectiveRadius { touches, half, .. } = table.reaches[species as usize].effective;
+                let EffectiveRadius { touches, half, .. } = table.species_radii[species as usize].effective;
                 match interaction {
                     Interaction::Never => false,
                     Interaction::Touch => half == 0.0,
@@ -69,7 +69,7 @@ pub(super) type Groups = (Vec<Option<usize>>, usize);
 #[derive(Clone, Copy)]
 pub(super) struct SpeciesTable<'t> {
     pub(super) interactions: &'t Interactions,
-    pub(super) reaches: &'t [SpeciesReach],
+    pub(super) species_radii: &'t [SpeciesRadius],
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -77,8 +77,8 @@ pub(crate) enum Division {
     #[default]
     Merged,
     ByPartners,
-    /// Groups species with the same partners and about the same distances. Each group has its own reach.
-    ByReach,
+    /// Groups species with the same partners and about the same distances. Each group has its own radii.
+    ByDistance,
 }
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -87,9 +87,9 @@ pub struct SpeciesPartition {
     pub(super) count: usize,
     /// Indexed by two groups, row by row; `None` if they never pair.
     pub(super) meetings: Vec<Option<Meeting>>,
-    /// Reach of each species within its group. Empty unless some species reaches much farther to others in a
-    /// division by reach.
-    pub(super) narrow: Vec<SpeciesReach>,
+    /// Radius of each species for its own group. Empty unless some species pairs much farther with others in a
+    /// division by distance.
+    pub(super) narrow: Vec<SpeciesRadius>,
 }
 
 impl SpeciesPartition {
@@ -97,7 +97,7 @@ impl SpeciesPartition {
     pub(super) fn memory_of_three(species: u64, present: u64) -> u64 {
         let meetings = (MAX_GROUPS + 1).pow(2) * size_of::<Option<Meeting>>();
         let groups = present.min(MAX_PRESENT as u64) * size_of::<Option<usize>>() as u64;
-        let narrow = species * size_of::<SpeciesReach>() as u64;
+        let narrow = species * size_of::<SpeciesRadius>() as u64;
         3 * (species + meetings as u64 + groups) + narrow + 2 * groups
     }
 
@@ -113,14 +113,14 @@ impl SpeciesPartition {
     }
 
     pub(super) fn narrowed(self, present: &[u32], table: SpeciesTable<'_>) -> Result<Self, Error> {
-        let mut narrow = try_collect(table.reaches.iter().copied(), "reaches of species")?;
+        let mut narrow = try_collect(table.species_radii.iter().copied(), "reaches of species")?;
         let mut is_narrow = false;
         for &species in present {
             let group = self.group_of(species);
             // A group without own pairs is searched only by other groups.
             if self.meets(group, group) {
                 let members = present.iter().copied().filter(|&other| self.group_of(other) == group);
-                let own = table.interactions.reach_among(species, members);
+                let own = table.interactions.species_radius_among(species, members);
                 let all = std::mem::replace(&mut narrow[species as usize], own).effective;
                 is_narrow |= own.effective.half < MAX_NARROW * all.half;
                 is_narrow |= all.touches && !own.effective.touches;
@@ -129,13 +129,13 @@ impl SpeciesPartition {
         Ok(Self { narrow: if is_narrow { narrow } else { Vec::new() }, ..self })
     }
 
-    /// Returns the divisions of all species by partners and by reach.
+    /// Returns the divisions of all species by partners and by distance.
     pub fn of_table(interactions: &Interactions) -> [Self; 2] {
         let all: Vec<u32> = (0..interactions.species()).collect();
-        let reaches: Vec<_> = all.iter().map(|&species| interactions.reach(species)).collect();
-        let [_, by_partners, by_reach] =
-            Self::of_present(&all, SpeciesTable { interactions, reaches: &reaches });
-        [by_partners, by_reach]
+        let species_radii: Vec<_> = all.iter().map(|&species| interactions.species_radius(species)).collect();
+        let [_, by_partners, by_distance] =
+            Self::of_present(&all, SpeciesTable { interactions, species_radii: &species_radii });
+        [by_partners, by_distance]
     }
 
     pub(super) fn of_present(present: &[u32], table: SpeciesTable<'_>) -> [Self; 3] {
@@ -146,7 +146,7 @@ impl SpeciesPartition {
         let pairs = |with| u16::from(with != Interaction::Never);
         let by_partners = group_by(present, interactions, pairs);
         let by_partners = by_partners.unwrap_or_else(|| share_groups(present, interactions));
-        let by_reach = group_by(present, interactions, reach_class);
+        let by_distance = group_by(present, interactions, distance_class);
         let is_idle = by_partners.0.iter().any(|group| group.is_none());
         let partition = |(groups, count): &Groups| {
             // Without spheres, one empty group exists.
@@ -159,10 +159,10 @@ impl SpeciesPartition {
         };
         let merged = by_partners.0.iter().map(|group| group.map(|_| 0)).collect();
         let merged = partition(&(merged, by_partners.1.min(1)));
-        let by_reach = by_reach.filter(|(_, count)| *count > by_partners.1);
+        let by_distance = by_distance.filter(|(_, count)| *count > by_partners.1);
         let by_partners = partition(&by_partners);
-        let by_reach = by_reach.map_or_else(|| by_partners.clone(), |groups| partition(&groups));
-        [merged, by_partners, by_reach]
+        let by_distance = by_distance.map_or_else(|| by_partners.clone(), |groups| partition(&groups));
+        [merged, by_partners, by_distance]
     }
 
     pub fn count(&self) -> usize {
@@ -201,7 +201,7 @@ impl SpeciesPartition {
 }
 
 /// Distances of one class differ by less than a factor of 4.
-fn reach_class(with: Interaction) -> u16 {
+fn distance_class(with: Interaction) -> u16 {
     match with {
         Interaction::Never => 0,
         Interaction::Touch => 1,

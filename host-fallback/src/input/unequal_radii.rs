@@ -3,7 +3,7 @@
 //! Two species pair within the sum of their radii, which need not be equal. A crowd with distant partners gets half of
 //! its own largest distance as radius, and the partners get the rest of the distance to it.
 
-use lazygrid_kernels::{Interaction, Query, SpeciesReach};
+use lazygrid_kernels::{Interaction, Query, SpeciesRadius};
 
 use super::species_partition::{MAX_GROUPS, SpeciesPartition, SpeciesTable};
 use crate::Error;
@@ -39,7 +39,7 @@ pub(super) struct UnequalRadii {
     /// Groups with half of their own largest distance as radius. No two of them pair.
     chosen: Groups,
     /// Empty if no group is chosen.
-    reaches: Vec<SpeciesReach>,
+    species_radii: Vec<SpeciesRadius>,
     largest: f64,
 }
 
@@ -67,38 +67,38 @@ impl UnequalRadii {
         if !crowds.is_better(chosen, self.chosen) {
             return Ok(false);
         }
-        self.reaches = match chosen {
+        self.species_radii = match chosen {
             Groups::NONE => Vec::new(),
-            _ => reaches(partition, chosen, present, table)?,
+            _ => species_radii(partition, chosen, present, table)?,
         };
-        let halves = present.iter().filter_map(|&species| self.reaches.get(species as usize));
-        self.largest = halves.map(|reach| reach.largest_half).fold(0.0, f64::max);
+        let halves = present.iter().filter_map(|&species| self.species_radii.get(species as usize));
+        self.largest = halves.map(|species_radius| species_radius.largest_half).fold(0.0, f64::max);
         self.chosen = chosen;
         Ok(true)
     }
 
-    pub(super) fn reaches(&self, most: f64) -> Option<&[SpeciesReach]> {
-        (!self.reaches.is_empty() && self.largest <= most).then_some(&*self.reaches)
+    pub(super) fn species_radii(&self, most: f64) -> Option<&[SpeciesRadius]> {
+        (!self.species_radii.is_empty() && self.largest <= most).then_some(&*self.species_radii)
     }
 }
 
-fn reaches(
+fn species_radii(
     partition: &SpeciesPartition,
     chosen: Groups,
     present: &[u32],
     table: SpeciesTable<'_>,
-) -> Result<Vec<SpeciesReach>, Error> {
+) -> Result<Vec<SpeciesRadius>, Error> {
     let half = |species: u32, other: u32| match table.interactions.get(species, other) {
         Interaction::Within(distance) => rest(partition, chosen, distance, partition.group_of(other)),
         Interaction::Never | Interaction::Touch => 0.0,
     };
     let largest = |species| present.iter().map(|&other| half(species, other)).fold(0.0, f64::max);
-    let reach = |species: u32| {
+    let species_radius = |species: u32| {
         let group = partition.group_of(species);
         let largest_half = if chosen.has(group) { own_half(partition, group) } else { largest(species) };
-        SpeciesReach { largest_half, ..table.reaches[species as usize] }
+        SpeciesRadius { largest_half, ..table.species_radii[species as usize] }
     };
-    try_collect((0..table.interactions.species()).map(reach), "reaches of species")
+    try_collect((0..table.interactions.species()).map(species_radius), "reaches of species")
 }
 
 fn own_half(partition: &SpeciesPartition, group: usize) -> f64 {

@@ -152,15 +152,15 @@ fn candidates(stats: &InputStats, density: &DensityProfile, limits: &PerClass) -
     let stride = classes.div_ceil(MAX_CLASS_GROUPS).max(1);
     let mut groups = [(0.0_f32, 0.0_f32); MAX_CLASS_GROUPS];
     for (k, (class, SizeClass { count, largest })) in stats.occupied().enumerate() {
-        let (share, reach) = &mut groups[k / stride];
-        *share += count as f32 / stats.spheres as f32;
-        *reach = reach.max(largest + limits[class]);
+        let (fraction, radius) = &mut groups[k / stride];
+        *fraction += count as f32 / stats.spheres as f32;
+        *radius = radius.max(largest + limits[class]);
     }
-    let groups = || groups.iter().filter(|(share, _)| *share > 0.0);
-    let met = |&(share, reach): &(f32, f32)| {
+    let groups = || groups.iter().filter(|(fraction, _)| *fraction > 0.0);
+    let met = |&(fraction, radius): &(f32, f32)| {
         let around =
-            |&(of, other): &(f32, f32)| of * (density.mean((reach + other).log2() + CUBE) - 1.0).max(0.0);
-        share * groups().map(around).sum::<f32>()
+            |&(of, other): &(f32, f32)| of * (density.mean((radius + other).log2() + CUBE) - 1.0).max(0.0);
+        fraction * groups().map(around).sum::<f32>()
     };
     groups().map(met).sum::<f32>() / 2.0
 }

@@ -52,20 +52,20 @@ pub struct Interactions {
     table: Arc<Vec<Interaction>>,
     fits_f32: bool,
     /// Computed once; `None` if memory was refused.
-    reaches: OnceLock<Option<Arc<Vec<SpeciesReach>>>>,
+    species_radii: OnceLock<Option<Arc<Vec<SpeciesRadius>>>>,
 }
 
-/// The distances of a species with others.
+/// The radius of a species in a search, which covers its distances with others.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SpeciesReach {
+pub struct SpeciesRadius {
     /// Half the largest distance of a pair, or 0.
     pub largest_half: f64,
     /// The rule for the effective radius.
     pub effective: EffectiveRadius,
 }
 
-impl SpeciesReach {
-    /// The reach of a species that never pairs.
+impl SpeciesRadius {
+    /// The radius of a species that never pairs.
     pub const NONE: Self =
         Self { largest_half: 0.0, effective: EffectiveRadius { touches: false, half: 0.0 } };
 
@@ -76,16 +76,16 @@ impl SpeciesReach {
     }
 
     fn of(interactions: impl Iterator<Item = Interaction>) -> Self {
-        interactions.fold(Self::NONE, |mut reach, with| {
+        interactions.fold(Self::NONE, |mut radius, with| {
             match with {
                 Interaction::Never => {}
-                Interaction::Touch => reach.effective.touches = true,
+                Interaction::Touch => radius.effective.touches = true,
                 Interaction::Within(distance) => {
-                    reach.largest_half = reach.largest_half.max(0.5 * distance);
-                    reach.effective.half = reach.effective.half.max(half_up(distance));
+                    radius.largest_half = radius.largest_half.max(0.5 * distance);
+                    radius.effective.half = radius.effective.half.max(half_up(distance));
                 }
             }
-            reach
+            radius
         })
     }
 }
@@ -112,7 +112,7 @@ impl Interactions {
         check(0, 0, all)?;
         let mut table = reserved(species)?;
         table.resize(entries(species), all);
-        Ok(Self { species, table: Arc::new(table), fits_f32: fits_f32(all), reaches: OnceLock::new() })
+        Ok(Self { species, table: Arc::new(table), fits_f32: fits_f32(all), species_radii: OnceLock::new() })
     }
 
     /// Sets the interaction of species `a` and `b`, in both orders.
@@ -129,7 +129,7 @@ impl Interactions {
         check(a, b, interaction)?;
         let n = self.species as usize;
         let table = own(&mut self.table, self.species)?;
-        self.reaches = OnceLock::new();
+        self.species_radii = OnceLock::new();
         self.fits_f32 &= fits_f32(interaction);
         table[a as usize * n + b as usize] = interaction;
         table[b as usize * n + a as usize] = interaction;
@@ -158,8 +158,8 @@ impl Interactions {
         };
         let mut table = reserved(self.species)?;
         table.extend(self.table.iter().map(contact));
-        let reaches = OnceLock::new();
-        Ok(Self { species: self.species, table: Arc::new(table), fits_f32: true, reaches })
+        let species_radii = OnceLock::new();
+        Ok(Self { species: self.species, table: Arc::new(table), fits_f32: true, species_radii })
     }
 
     /// Returns the table in which only the included species pair.
@@ -174,8 +174,8 @@ impl Interactions {
                 |b| if is_included(a) && is_included(b) { self.get(a, b) } else { Interaction::Never };
             table.extend((0..self.species).map(of_row));
         }
-        let (table, reaches) = (Arc::new(table), OnceLock::new());
-        Ok(Self { species: self.species, table, fits_f32: self.fits_f32, reaches })
+        let (table, species_radii) = (Arc::new(table), OnceLock::new());
+        Ok(Self { species: self.species, table, fits_f32: self.fits_f32, species_radii })
     }
 
     /// Returns `true` if `f32` holds all distances to half an ulp, so `f32` spheres need no conversion.
@@ -191,28 +191,30 @@ impl Interactions {
 
     /// Returns the rule for this species' effective radius.
     pub fn effective_radius(&self, species: u32) -> EffectiveRadius {
-        self.reach(species).effective
+        self.species_radius(species).effective
     }
 
     #[doc(hidden)]
-    pub fn reach(&self, species: u32) -> SpeciesReach {
-        let reaches = self.reaches.get_or_init(|| {
-            let mut reaches = Vec::new();
-            reaches.try_reserve_exact(self.species as usize).ok()?;
-            reaches.extend((0..self.species).map(|species| self.scan(species)));
-            Some(Arc::new(reaches))
+    pub fn species_radius(&self, species: u32) -> SpeciesRadius {
+        let species_radii = self.species_radii.get_or_init(|| {
+            let mut species_radii = Vec::new();
+            species_radii.try_reserve_exact(self.species as usize).ok()?;
+            species_radii.extend((0..self.species).map(|species| self.scan(species)));
+            Some(Arc::new(species_radii))
         });
-        reaches.as_ref().map_or_else(|| self.scan(species), |reaches| reaches[species as usize])
+        species_radii
+            .as_ref()
+            .map_or_else(|| self.scan(species), |species_radii| species_radii[species as usize])
     }
 
     #[doc(hidden)]
-    pub fn reach_among(&self, species: u32, others: impl Iterator<Item = u32>) -> SpeciesReach {
-        SpeciesReach::of(others.map(|other| self.get(species, other)))
+    pub fn species_radius_among(&self, species: u32, others: impl Iterator<Item = u32>) -> SpeciesRadius {
+        SpeciesRadius::of(others.map(|other| self.get(species, other)))
     }
 
-    fn scan(&self, species: u32) -> SpeciesReach {
+    fn scan(&self, species: u32) -> SpeciesRadius {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
-        SpeciesReach::of(row.iter().copied())
+        SpeciesRadius::of(row.iter().copied())
     }
 }
 
@@ -294,10 +296,12 @@ mod tests {
         table.set(0, 2, Interaction::Within(6.0)).expect("known species");
         table.set(1, 1, Interaction::Touch).expect("known species");
         assert_eq!([0, 1, 2].map(|species| radius(&table, species)), [3.0, 1.0, 3.0]);
-        let reach = |species| (table.reach(species).largest_half, table.reach(species).effective.touches);
-        assert_eq!([0, 1, 2].map(reach), [(3.0, false), (0.0, true), (3.0, false)]);
-        assert_eq!(table.reach_among(0, [0, 1].into_iter()), SpeciesReach::NONE);
-        assert_eq!(table.reach_among(2, [0].into_iter()), table.reach(2));
+        let fields = |species| {
+            (table.species_radius(species).largest_half, table.species_radius(species).effective.touches)
+        };
+        assert_eq!([0, 1, 2].map(fields), [(3.0, false), (0.0, true), (3.0, false)]);
+        assert_eq!(table.species_radius_among(0, [0, 1].into_iter()), SpeciesRadius::NONE);
+        assert_eq!(table.species_radius_among(2, [0].into_iter()), table.species_radius(2));
         let among = table.among(|species| species != 2).expect("memory");
         assert_eq!([0, 1, 2].map(|species| radius(&among, species)), [0.0, 1.0, 0.0]);
         assert_eq!([0, 1, 2].map(|species| radius(&before, species)), [0.0; 3]);
@@ -313,8 +317,8 @@ mod tests {
         let shared = table.clone();
         for table in [&table, &shared] {
             assert_eq!(table.effective_radius(4095), first);
-            let reaches = table.reaches.get().and_then(Option::as_ref).expect("they are kept");
-            assert_eq!(Arc::strong_count(reaches), 2);
+            let species_radii = table.species_radii.get().and_then(Option::as_ref).expect("they are kept");
+            assert_eq!(Arc::strong_count(species_radii), 2);
         }
     }
 }

@@ -17,13 +17,13 @@ pub(super) fn pairs(scenario: &TestInput, is_wide: bool) -> Vec<Pair> {
     let sieve = Sieve::new(scenario);
     let images = scenario.space.triclinic_cell().map(|_| ImageOracle::of(&scenario.space));
     let is_pair = |i: usize, j: usize| {
-        let reach = scenario.reach(i, j);
-        reach.is_some_and(|reach| match &images {
-            None if is_wide => distance_squared_of_wide(scenario, i, j) <= reach * reach,
-            None => scenario.distance_squared(i, j) <= reach * reach,
+        let cutoff = scenario.cutoff(i, j);
+        cutoff.is_some_and(|cutoff| match &images {
+            None if is_wide => distance_squared_of_wide(scenario, i, j) <= cutoff * cutoff,
+            None => scenario.distance_squared(i, j) <= cutoff * cutoff,
             Some(images) => {
                 let [a, b] = [i, j].map(|k| scenario.spheres[k].center.as_dvec3());
-                images.distance_squared(a - b, reach) <= reach * reach
+                images.distance_squared(a - b, cutoff) <= cutoff * cutoff
             }
         })
     };

@@ -84,8 +84,10 @@ impl Prepared {
                     (Resource::Column(column), ..) => key.input.spheres[column].clone(),
                     (Resource::Species, _, Some(species), _) => species.clone(),
                     (Resource::Count, _, _, Some(count)) => count.clone(),
-                    (Resource::Reach, Some(tables), ..) => (&tables.reach).into(),
-                    (Resource::ReachBySide, Some(tables), ..) => (&tables.reach_by_side).into(),
+                    (Resource::SpeciesParams, Some(tables), ..) => (&tables.species_params).into(),
+                    (Resource::SpeciesParamsBySide, Some(tables), ..) => {
+                        (&tables.species_params_by_side).into()
+                    }
                     (Resource::Table, Some(tables), ..) => (&tables.table).into(),
                     _ => (&constant_buffer(device, "a constant of a call", buffer.constant())?).into(),
                 })

@@ -290,7 +290,7 @@ impl GpuSkinDetector {
                     ("spheres", ..) if self.settings.columns.is_some() => own(BufferId::Rows),
                     ("spheres", ..) => key.input.spheres[0].clone(),
                     ("species", _, Some(species)) => species.clone(),
-                    ("species_params", Some(tables), _) => (&tables.reach).into(),
+                    ("species_params", Some(tables), _) => (&tables.species_params).into(),
                     ("table", Some(tables), _) => (&tables.table).into(),
                     ("reference", ..) => own(BufferId::ReferenceSpheres),
                     ("reference_species", Some(_), _) => own(BufferId::ReferenceSpecies),

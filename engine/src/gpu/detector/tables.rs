@@ -6,8 +6,8 @@ use crate::gpu::plan::TableBytes;
 #[derive(Debug)]
 pub(crate) struct Tables {
     pub(crate) bytes: TableBytes,
-    pub(crate) reach: wgpu::Buffer,
-    pub(crate) reach_by_side: wgpu::Buffer,
+    pub(crate) species_params: wgpu::Buffer,
+    pub(crate) species_params_by_side: wgpu::Buffer,
     pub(crate) table: wgpu::Buffer,
 }
 
@@ -17,8 +17,12 @@ impl Tables {
         let most_bytes = device.limits().max_storage_buffer_binding_size;
         let bytes = TableBytes::new(interactions, config.crowd, most_bytes)?;
         Ok(Some(Self {
-            reach: constant_buffer(device, "reach by species", &bytes.reach)?,
-            reach_by_side: constant_buffer(device, "reach by species on their sides", &bytes.reach_by_side)?,
+            species_params: constant_buffer(device, "reach by species", &bytes.species_params)?,
+            species_params_by_side: constant_buffer(
+                device,
+                "reach by species on their sides",
+                &bytes.species_params_by_side,
+            )?,
             table: constant_buffer(device, "interaction table", &bytes.table)?,
             bytes,
         }))

@@ -113,9 +113,9 @@ pub(crate) enum Resource {
     Species,
     SearchParams(u32),
     RadixPass(u32),
-    Reach,
-    /// [`Reach`](Self::Reach), but of species on narrow sides to their own side only.
-    ReachBySide,
+    SpeciesParams,
+    /// [`SpeciesParams`](Self::SpeciesParams), but on narrow sides for distances to the own side only.
+    SpeciesParamsBySide,
     Table,
 }
 

@@ -246,7 +246,9 @@ impl Plan {
         let (sequence, resources) =
             DispatchSequence::resolved(dispatches, variant, limits, |dispatch, name| {
                 match self.resource(dispatch, name) {
-                    Resource::Reach if constants.call.narrow_sides != 0 => Resource::ReachBySide,
+                    Resource::SpeciesParams if constants.call.narrow_sides != 0 => {
+                        Resource::SpeciesParamsBySide
+                    }
                     Resource::Count if !constants.count_in_buffer => Resource::SearchParams(0),
                     resource => resource,
                 }
@@ -316,8 +318,10 @@ impl Plan {
                 let digit = self.digits()[pass as usize];
                 (format!("radix_pass_{pass}"), constant(bytemuck::bytes_of(&digit).into()))
             }
-            Resource::Reach => ("reach".to_owned(), constant(table(|tables| &tables.reach))),
-            Resource::ReachBySide => ("reach".to_owned(), constant(table(|tables| &tables.reach_by_side))),
+            Resource::SpeciesParams => ("reach".to_owned(), constant(table(|tables| &tables.species_params))),
+            Resource::SpeciesParamsBySide => {
+                ("reach".to_owned(), constant(table(|tables| &tables.species_params_by_side)))
+            }
             Resource::Table => ("table".to_owned(), constant(table(|tables| &tables.table))),
         };
         let usage = match resource {

@@ -223,7 +223,7 @@ impl Plan {
             "spheres" if !self.periodic || self.algorithm == Algorithm::CellList => return given,
             "spheres" | "wrapped" => BufferId::Wrapped,
             "species" => return Resource::Species,
-            "species_params" => return Resource::Reach,
+            "species_params" => return Resource::SpeciesParams,
             "table" => return Resource::Table,
             "stats" => BufferId::InputStats,
             "cell_list" => BufferId::List,

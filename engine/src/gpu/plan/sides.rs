@@ -92,7 +92,7 @@ impl Sides {
         let side = self.of_species[species as usize];
         if let Some(side) = side.filter(|side| self.one_set.narrow >> side & 1 == 1) {
             let own = (0..table.species()).filter(|&other| self.of_species[other as usize] == Some(side));
-            radius.half = table.reach_among(species, own).effective.half;
+            radius.half = table.species_radius_among(species, own).effective.half;
         }
         radius
     }
@@ -115,9 +115,9 @@ type Division = [u8; MAX_SIDES];
 
 impl PairingGroups {
     fn of_table(table: &Interactions, crowd: Option<u32>) -> Self {
-        let [by_partners, by_reach] = SpeciesPartition::of_table(table);
-        let by_reach = Self::of(&by_reach, table, crowd);
-        if by_reach.narrow == 0 { Self::of(&by_partners, table, crowd) } else { by_reach }
+        let [by_partners, by_distance] = SpeciesPartition::of_table(table);
+        let by_distance = Self::of(&by_distance, table, crowd);
+        if by_distance.narrow == 0 { Self::of(&by_partners, table, crowd) } else { by_distance }
     }
 
     fn of(partition: &SpeciesPartition, table: &Interactions, crowd: Option<u32>) -> Self {

@@ -8,8 +8,8 @@ use crate::Error;
 
 #[derive(Clone, Debug)]
 pub(crate) struct TableBytes {
-    pub(crate) reach: Arc<[u8]>,
-    pub(crate) reach_by_side: Arc<[u8]>,
+    pub(crate) species_params: Arc<[u8]>,
+    pub(crate) species_params_by_side: Arc<[u8]>,
     pub(crate) table: Arc<[u8]>,
     pub(crate) sides: Sides,
 }
@@ -31,16 +31,19 @@ impl TableBytes {
             Some(side) => u32::from(side) << SpeciesParams::SIDE_SHIFT,
             None => SpeciesParams::IDLE,
         };
-        let touches = |reach: EffectiveRadius| if reach.touches { SpeciesParams::TOUCHES } else { 0 };
-        let reach_of = |radius: &dyn Fn(u32) -> EffectiveRadius| -> Vec<SpeciesParams> {
+        let touches = |radius: EffectiveRadius| if radius.touches { SpeciesParams::TOUCHES } else { 0 };
+        let params_of = |radius: &dyn Fn(u32) -> EffectiveRadius| -> Vec<SpeciesParams> {
             (0..species)
                 .zip(&sides.of_species)
                 .map(|(id, &side)| (radius(id), side))
-                .map(|(reach, side)| SpeciesParams { flags: touches(reach) | flags(side), half: reach.half })
+                .map(|(radius, side)| SpeciesParams {
+                    flags: touches(radius) | flags(side),
+                    half: radius.half,
+                })
                 .collect()
         };
-        let reach = reach_of(&|id| interactions.effective_radius(id));
-        let reach_by_side = reach_of(&|id| sides.effective_radius(interactions, id));
+        let species_params = params_of(&|id| interactions.effective_radius(id));
+        let species_params_by_side = params_of(&|id| sides.effective_radius(interactions, id));
         let table: Vec<f32> = (0..species)
             .flat_map(|a| (0..species).map(move |b| interactions.get(a, b)))
             .map(|interaction| match interaction {
@@ -49,7 +52,8 @@ impl TableBytes {
                 Interaction::Within(distance) => distance as f32,
             })
             .collect();
-        let [reach, reach_by_side] = [reach, reach_by_side].map(|reach| bytemuck::cast_slice(&reach).into());
-        Ok(Self { reach, reach_by_side, table: bytemuck::cast_slice(&table).into(), sides })
+        let [species_params, species_params_by_side] =
+            [species_params, species_params_by_side].map(|radius| bytemuck::cast_slice(&radius).into());
+        Ok(Self { species_params, species_params_by_side, table: bytemuck::cast_slice(&table).into(), sides })
     }
 }

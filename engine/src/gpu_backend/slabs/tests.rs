@@ -22,9 +22,9 @@ fn cloud(random: &mut Random, count: usize, far: f32) -> Vec<Sphere> {
 
 fn overlaps(input: &SlabInput<'_>, a: usize, b: usize) -> bool {
     let radius = |k: usize| {
-        let reach = input.spheres.species().map(|species| input.reaches[species[k] as usize]);
+        let effective = input.spheres.species().map(|species| input.effective_radii[species[k] as usize]);
         let radius = input.spheres.get(k).radius;
-        f64::from(reach.map_or(radius, |reach| reach.for_radius(radius)))
+        f64::from(effective.map_or(radius, |effective| effective.for_radius(radius)))
     };
     let [at, other] = [a, b].map(|k| input.spheres.get(k).center);
     !input.is_idle(a)
@@ -87,7 +87,7 @@ fn every_pair_is_found_in_one_slab() {
 }
 
 #[test]
-fn giants_and_species_reach_over_several_slabs() {
+fn giants_and_distances_span_several_slabs() {
     let mut random = Random(5);
     let mut spheres = cloud(&mut random, 300, 8.0);
     spheres[7].radius = 9.0;

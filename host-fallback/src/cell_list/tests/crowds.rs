@@ -30,7 +30,7 @@ fn build(spheres: Spheres<'_>, settings: &Settings) -> (CellList, Division) {
     let (mut list, mut report, mut buffers) =
         (CellList::default(), Report::default(), QueryBuffers::default());
     let query = spheres.into();
-    let preparation = Preparation { settings, wraps: true, has_same_species: false, ignores_reaches: false };
+    let preparation = Preparation { settings, wraps: true, has_same_species: false, uses_only_radii: false };
     let prepared = buffers.prepare(&query, preparation, Executor::Caller, &mut report.phases).expect("valid");
     let surveyed = SearchInput::surveyed(prepared.test(settings), settings);
     let input = SearchInput { groups: prepared.groups, ..surveyed };
@@ -61,7 +61,7 @@ fn crowd_among_distant_spheres_has_small_cells() {
 }
 
 #[test]
-fn crowded_species_is_divided_by_its_own_reach() {
+fn crowded_species_is_divided_by_its_own_distance() {
     let (n, others) = (3600, 400);
     let (spheres, ids) = (crowd(n, (others, 60.0)), species(n, others));
     let given = Spheres::from(&spheres).with_species(&ids).expect("one id for each");
@@ -70,7 +70,7 @@ fn crowded_species_is_divided_by_its_own_reach() {
             let interactions = Some(table(of_last));
             let settings = Settings { space, interactions, ..Settings::default() };
             let (list, division) = build(given, &settings);
-            assert_eq!(division, Division::ByReach, "{of_last:?}, {space:?}");
+            assert_eq!(division, Division::ByDistance, "{of_last:?}, {space:?}");
             let of_crowd = &list.levels[0];
             assert_eq!(of_crowd.members, 0..n);
             let first = of_crowd.base..of_crowd.base + of_crowd.grid.cells() as usize;
@@ -86,7 +86,7 @@ fn wide(spheres: &[Sphere]) -> Vec<[f64; 4]> {
 }
 
 #[test]
-fn groups_with_a_reach_of_their_own_match_naive() {
+fn groups_with_cells_for_their_own_radius_match_naive() {
     let (n, others) = (1000, 500);
     let (mut spheres, ids) = (crowd(n, (others, 12.0)), species(n, others));
     spheres.iter_mut().for_each(|sphere| sphere.center += 30.0);
@@ -133,7 +133,7 @@ fn group_at_one_point_is_found_by_others() {
     for space in spaces() {
         let settings = Settings { space, interactions: Some(table.clone()), ..Settings::default() };
         let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
-        assert_eq!(build(given, &settings).1, Division::ByReach, "{space:?}");
+        assert_eq!(build(given, &settings).1, Division::ByDistance, "{space:?}");
         let count = |algorithm| {
             let settings = Settings { algorithm, ..settings.clone() };
             HostDetector::new(settings).expect("good settings").count(given).expect("valid")
@@ -155,7 +155,7 @@ fn radii_that_grow_in_a_divided_crowd_lose_no_pair() {
             let settings = Settings { skin, interactions: Some(table.clone()), ..Settings::default() };
             let naive = Settings { algorithm: Algorithm::Naive, skin: Skin::Off, ..settings.clone() };
             let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
-            assert_eq!(build(given, &settings).1, Division::ByReach, "{width}");
+            assert_eq!(build(given, &settings).1, Division::ByDistance, "{width}");
             let [mut kept, mut naive] =
                 [settings, naive].map(|settings| HostDetector::new(settings).expect("good settings"));
             let mut served = 0;

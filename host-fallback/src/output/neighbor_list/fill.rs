@@ -224,7 +224,7 @@ impl Fill<'_> {
 
     fn itself(&self, i: u32) -> Option<Entry> {
         let is_asked_for = self.options.has_self && self.contact.query.second().is_none();
-        if !is_asked_for || self.reach(i, i)? <= 0.0 {
+        if !is_asked_for || self.cutoff(i, i)? <= 0.0 {
             return None;
         }
         Some(Entry { pair: Pair { i, j: i }, bond: ImageVector::default(), distance: 0.0 })
@@ -283,7 +283,7 @@ impl Fill<'_> {
 
     #[inline(always)]
     fn is_closer(&self, i: u32, j: u32, vector: [f64; 3]) -> bool {
-        self.reach(i, j).is_some_and(|cutoff| is_clear(vector, cutoff) || length_of(vector) < cutoff)
+        self.cutoff(i, j).is_some_and(|cutoff| is_clear(vector, cutoff) || length_of(vector) < cutoff)
     }
 
     /// Returns the cutoff, `Some(None)` if radii decide it, and `None` if the spheres never pair.
@@ -299,17 +299,17 @@ impl Fill<'_> {
     }
 
     #[inline]
-    fn reach(&self, i: u32, j: u32) -> Option<f64> {
+    fn cutoff(&self, i: u32, j: u32) -> Option<f64> {
         let radii = || self.first[i as usize][3] + self.second[j as usize][3];
         Some(self.distance(i, j)?.unwrap_or_else(radii))
     }
 }
 
-/// Returns `true`, without a square root, if a vector is shorter than `reach` by more than rounding.
+/// Returns `true`, without a square root, if a vector is shorter than `cutoff` by more than rounding.
 #[inline]
-fn is_clear([x, y, z]: [f64; 3], reach: f64) -> bool {
+fn is_clear([x, y, z]: [f64; 3], cutoff: f64) -> bool {
     const CLEAR: f64 = 1.0 - 1.0 / (1_u64 << 40) as f64;
-    let (squared, most) = (x * x + y * y + z * z, reach * reach * CLEAR);
+    let (squared, most) = (x * x + y * y + z * z, cutoff * cutoff * CLEAR);
     // Squares that underflow prove nothing.
     squared < most && most > 1e-280
 }

@@ -33,18 +33,18 @@ pub struct PeriodicImages {
     folds: Vec<[f64; 3]>,
     shifts: Vec<[f64; 3]>,
     folded: Vec<WrappedPoint>,
-    reaches: Vec<f64>,
+    half_cutoffs: Vec<f64>,
     steps: Vec<([f64; 3], [f64; 3])>,
 }
 
-fn largest_reach(contact: &ContactTest<'_>) -> f64 {
+fn largest_cutoff(contact: &ContactTest<'_>) -> f64 {
     let ContactTest { query, table, .. } = contact;
     let largest = |set: Spheres<'_>| (0..set.len()).map(|k| set.get_f64(k)[3]).fold(0.0, f64::max);
     let touching = largest(query.first()) + largest(query.second().unwrap_or(query.first()));
     let Some(table) = table else { return touching };
     (0..table.species()).fold(0.0, |most, species| {
-        let reach = table.reach(species);
-        most.max(2.0 * reach.largest_half).max(if reach.effective.touches { touching } else { 0.0 })
+        let radius = table.species_radius(species);
+        most.max(2.0 * radius.largest_half).max(if radius.effective.touches { touching } else { 0.0 })
     })
 }
 
@@ -53,7 +53,7 @@ impl PeriodicImages {
     pub fn are_needed(contact: &ContactTest<'_>) -> bool {
         let Some(lattice) = Lattice::new(contact.space) else { return false };
         let nearest = lattice.heights().into_iter().take(lattice.rank()).fold(f64::INFINITY, f64::min);
-        let is_short = 2.0 * largest_reach(contact) * lattice.unit() < SPARE * nearest;
+        let is_short = 2.0 * largest_cutoff(contact) * lattice.unit() < SPARE * nearest;
         !is_short
     }
 
@@ -65,23 +65,23 @@ impl PeriodicImages {
         let Some(lattice) = Lattice::new(contact.space) else { return Ok(()) };
         let query = contact.query;
         let second = query.second().unwrap_or(query.first());
-        let largest = largest_reach(contact);
+        let largest = largest_cutoff(contact);
         let spread = self.fold_all(&lattice, contact)?;
         let growth = spread.rounding(&lattice, largest * lattice.unit());
-        self.reaches.clear();
+        self.half_cutoffs.clear();
         // The sum of halves for two spheres covers their cutoff.
         for set in [query.first(), second] {
-            let reaches =
-                (0..set.len()).map(|k| half_reach(contact, set, k) * lattice.unit() * GROWTH + growth);
-            try_extend(&mut self.reaches, reaches, "reaches of spheres")?;
+            let half_cutoffs =
+                (0..set.len()).map(|k| half_cutoff(contact, set, k) * lattice.unit() * GROWTH + growth);
+            try_extend(&mut self.half_cutoffs, half_cutoffs, "reaches of spheres")?;
         }
-        let most = self.reaches[..query.first().len()].iter().copied().fold(0.0, f64::max);
+        let most = self.half_cutoffs[..query.first().len()].iter().copied().fold(0.0, f64::max);
         self.first.clear();
-        let rows = self.folded[..query.first().len()].iter().zip(&self.reaches);
-        try_extend(&mut self.first, rows.map(|(folded, &reach)| row(folded.point, reach)), "folded spheres")?;
+        let rows = self.folded[..query.first().len()].iter().zip(&self.half_cutoffs);
+        try_extend(&mut self.first, rows.map(|(folded, &half)| row(folded.point, half)), "folded spheres")?;
         let ranges = |k: usize, images: &Self| {
-            let (folded, reach) = (images.folded[k], images.reaches[k] + most);
-            spread.steps(&lattice, &folded, reach)
+            let (folded, cutoff) = (images.folded[k], images.half_cutoffs[k] + most);
+            spread.steps(&lattice, &folded, cutoff)
         };
         let offset = query.first().len();
         let counted = |k: usize| {
@@ -95,7 +95,7 @@ impl PeriodicImages {
         let is_possible = count + query.first().len() as f64 <= MAX_SPHERES as f64;
         if !is_possible {
             let images = if count.is_nan() { f64::INFINITY } else { count };
-            return Err(InputError::Images { images, reach: largest }.into());
+            return Err(InputError::Images { images, cutoff: largest }.into());
         }
         self.reserve(count as usize)?;
         for k in 0..second.len() {
@@ -155,7 +155,7 @@ impl PeriodicImages {
         ranges: [[f64; 2]; 3],
     ) -> Result<(), Error> {
         let at = contact.query.first().len() + k;
-        let (folded, reach) = (self.folded[at], self.reaches[at]);
+        let (folded, half_cutoff) = (self.folded[at], self.half_cutoffs[at]);
         let along = |axis: usize| {
             let [from, to] = ranges[axis];
             (0..steps_between(from, to) as u64).map(move |step| from + step as f64)
@@ -179,7 +179,7 @@ impl PeriodicImages {
             if at.is_multiple_of(STOP_STEPS) {
                 contact.check_stop()?;
             }
-            try_push(&mut self.images, row(lattice.image(&folded, steps), reach), WHAT)?;
+            try_push(&mut self.images, row(lattice.image(&folded, steps), half_cutoff), WHAT)?;
             try_push(&mut self.of, k as u32, WHAT)?;
             try_push(&mut self.shifts, shift, WHAT)?;
         }
@@ -213,29 +213,29 @@ impl Spread {
         }
     }
 
-    fn rounding(&self, lattice: &Lattice, reach: f64) -> f64 {
+    fn rounding(&self, lattice: &Lattice, cutoff: f64) -> f64 {
         let heights = lattice.heights();
-        let counts = [0, 1, 2].map(|axis| 2.0 * self.counts[axis] + reach / heights[axis] + 2.0);
-        lattice.rounding(2.0 * self.extent + reach, counts)
+        let counts = [0, 1, 2].map(|axis| 2.0 * self.counts[axis] + cutoff / heights[axis] + 2.0);
+        lattice.rounding(2.0 * self.extent + cutoff, counts)
     }
 
-    fn steps(&self, lattice: &Lattice, folded: &WrappedPoint, reach: f64) -> [[f64; 2]; 3] {
+    fn steps(&self, lattice: &Lattice, folded: &WrappedPoint, cutoff: f64) -> [[f64; 2]; 3] {
         let heights = lattice.heights();
         [0, 1, 2].map(|axis| {
             if axis >= lattice.rank() {
                 return [0.0; 2];
             }
-            let ([from, to], part) = (self.fractions[axis], reach / heights[axis]);
+            let ([from, to], part) = (self.fractions[axis], cutoff / heights[axis]);
             let fraction = folded.fractions[axis];
             [(from - part - fraction).ceil(), (to + part - fraction).floor()]
         })
     }
 }
 
-fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
+fn half_cutoff(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
     let radius = set.get_f64(k)[3];
     match (contact.table, set.species()) {
-        (Some(table), Some(species)) => table.reach(species[k]).for_radius(radius),
+        (Some(table), Some(species)) => table.species_radius(species[k]).for_radius(radius),
         _ => radius,
     }
 }

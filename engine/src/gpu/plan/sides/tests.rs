@@ -186,12 +186,12 @@ fn random_tables_have_sides_for_all_their_pairs() {
             let [half_a, half_b] = [a, b].map(|of| sides.effective_radius(&table, of).half);
             let are_narrow = [of_a, of_b].map(|side| sides.one_set.narrow >> side & 1 == 1);
             assert!(of_a == of_b || are_narrow != [true; 2], "{a} and {b} of {table:?}");
-            let reach = match of_a != of_b && are_narrow.contains(&true) {
+            let cutoff = match of_a != of_b && are_narrow.contains(&true) {
                 true => 2.0 * half_a.max(half_b),
                 false => half_a + half_b,
             };
             let distance = table.get(a, b).cutoff(0.0).expect("they pair");
-            assert!(f64::from(reach) >= distance, "{a} and {b} reach {reach} of {table:?}");
+            assert!(f64::from(cutoff) >= distance, "{a} and {b} are searched to {cutoff} of {table:?}");
         }
     }
     assert!(narrow > 100, "only {narrow} narrow sides");
