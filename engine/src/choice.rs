@@ -7,9 +7,9 @@ use crate::gpu::device::AdapterId;
 use crate::{Backend, Error};
 
 #[cfg(feature = "gpu")]
-pub(crate) fn resolve_backend(asked: Backend, adapter: Option<&AdapterId>) -> Result<Backend, Error> {
-    match (asked, adapter) {
-        (asked, None) => Ok(asked),
+pub(crate) fn resolve_backend(requested: Backend, adapter: Option<&AdapterId>) -> Result<Backend, Error> {
+    match (requested, adapter) {
+        (requested, None) => Ok(requested),
         (Backend::Cpu, Some(adapter)) => Err(Error::AdapterOnCpu { adapter: adapter.to_string() }),
         (_, Some(_)) => Ok(Backend::Gpu),
     }
@@ -26,7 +26,7 @@ pub(crate) fn check_timeout(resolved: Backend, timeout: Option<std::time::Durati
 /// Returns the device and the reason, or `None` for the CPU. Calls `open` only if a GPU could run; its argument permits
 /// a software adapter.
 pub(crate) fn backend<D>(
-    asked: Backend,
+    requested: Backend,
     algorithm: Algorithm,
     open: impl FnOnce(bool) -> Result<(String, D), Error>,
 ) -> Result<(Option<D>, String), Error> {
@@ -37,16 +37,16 @@ pub(crate) fn backend<D>(
         Err(unknown @ Error::UnknownAdapter { .. }) => Err(unknown),
         Err(error) => Err(Error::GpuUnavailable { reason: error.to_string() }),
     };
-    match asked {
-        Backend::Cpu if !on_cpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
+    match requested {
+        Backend::Cpu if !on_cpu => Err(Error::NotOnBackend { algorithm, backend: requested }),
         Backend::Cpu => Ok((None, "CPU: requested".to_owned())),
-        _ if !on_cpu && !on_gpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
-        Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
+        _ if !on_cpu && !on_gpu => Err(Error::NotOnBackend { algorithm, backend: requested }),
+        Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend: requested }),
         Backend::Gpu => insist("requested", open(true)),
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
         Backend::Auto if !on_cpu => insist(&format!("{algorithm} runs there only"), open(true)),
         Backend::Auto => Ok(match open(false) {
-            Ok((name, device)) if is_per_call(asked, algorithm) => {
+            Ok((name, device)) if is_per_call(requested, algorithm) => {
                 (Some(device), format!("GPU {name} or the CPU: by the number of spheres"))
             }
             Ok((name, device)) => (Some(device), format!("GPU {name}: hardware adapter")),
@@ -57,8 +57,8 @@ pub(crate) fn backend<D>(
     }
 }
 
-pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
-    asked == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
+pub(crate) fn is_per_call(requested: Backend, algorithm: Algorithm) -> bool {
+    requested == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
 }
 
 #[cfg(feature = "gpu")]
@@ -95,7 +95,7 @@ mod tests {
         let cpu_only = || Error::NotOnBackend { algorithm: HashGrid, backend: Backend::Gpu };
         let gpu_only = || Error::NotOnBackend { algorithm: LazyGrid, backend: Backend::Cpu };
         let unavailable = || Error::GpuUnavailable { reason: NONE.to_string() };
-        for (asked, algorithm, machine, expected) in [
+        for (requested, algorithm, machine, expected) in [
             (Backend::Auto, Auto, "gpu", Ok("GPU gpu or the CPU: by the number of spheres")),
             (Backend::Auto, ArrayGrid, "gpu", Ok("GPU gpu: hardware adapter")),
             (Backend::Auto, Auto, "software", Ok("CPU: no hardware GPU")),
@@ -111,8 +111,8 @@ mod tests {
             (Backend::Gpu, HashGrid, "gpu", Err(cpu_only())),
             (Backend::Cpu, LazyGrid, "gpu", Err(gpu_only())),
         ] {
-            let found = backend(asked, algorithm, open(machine));
-            let case = format!("{asked}, {algorithm}, {machine}: {found:?}");
+            let found = backend(requested, algorithm, open(machine));
+            let case = format!("{requested}, {algorithm}, {machine}: {found:?}");
             match (found, expected) {
                 (Ok((device, reason)), Ok(expected)) => {
                     assert!(
@@ -128,8 +128,8 @@ mod tests {
     #[test]
     fn named_adapter_implies_the_gpu() {
         let card = AdapterId::from("card");
-        for &asked in Backend::ALL {
-            assert_eq!(resolve_backend(asked, None), Ok(asked));
+        for &requested in Backend::ALL {
+            assert_eq!(resolve_backend(requested, None), Ok(requested));
         }
         assert_eq!(resolve_backend(Backend::Auto, Some(&card)), Ok(Backend::Gpu));
         assert_eq!(resolve_backend(Backend::Gpu, Some(&card)), Ok(Backend::Gpu));

@@ -39,14 +39,14 @@ fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
         let software = if allows_software { SoftwareAdapter::Allow } else { SoftwareAdapter::Refuse };
         config.shared_device(software).map(|gpu| (gpu.adapter.name.clone(), gpu))
     };
-    let asked = choice::resolve_backend(config.backend, config.adapter.as_ref())?;
-    choice::check_timeout(asked, config.timeout)?;
-    let (gpu, mut reason) = choice::backend(asked, config.settings.algorithm, open)?;
+    let requested = choice::resolve_backend(config.backend, config.adapter.as_ref())?;
+    choice::check_timeout(requested, config.timeout)?;
+    let (gpu, mut reason) = choice::backend(requested, config.settings.algorithm, open)?;
     if gpu.is_none() && config.timeout.is_some() {
         reason += ", where the timeout of GPU submissions has no effect";
     }
     let backend: Box<dyn DetectorBackend> = match gpu {
-        Some(gpu) if choice::is_per_call(asked, config.settings.algorithm) => {
+        Some(gpu) if choice::is_per_call(requested, config.settings.algorithm) => {
             Box::new(AutoBackend::new(gpu, config)?)
         }
         Some(gpu) => Box::new(GpuBackend::new(gpu, config)?),

@@ -121,20 +121,20 @@ struct Fold<'a, S, E> {
 #[derive(Debug)]
 pub struct Team {
     pool: Option<ThreadPool>,
-    asked: Option<usize>,
+    requested: Option<usize>,
 }
 
 impl Team {
-    /// Creates a team of `asked` threads; `None` for the rayon pool of each caller.
+    /// Creates a team of `requested` threads; `None` for the rayon pool of each caller.
     ///
     /// # Errors
     /// [`Error::ThreadPool`] if the system refuses the threads.
-    pub fn new(asked: Option<usize>) -> Result<Self, Error> {
-        let pool = match asked {
+    pub fn new(requested: Option<usize>) -> Result<Self, Error> {
+        let pool = match requested {
             None | Some(1) => None,
             Some(threads) => Some(pool(threads)?),
         };
-        Ok(Self { pool, asked })
+        Ok(Self { pool, requested })
     }
 
     /// Runs a pass over `count` items, in the pool if there are enough.
@@ -160,11 +160,11 @@ impl Team {
     }
 
     pub(crate) fn executor(&self) -> Result<Executor, Error> {
-        if self.asked == Some(1) { Ok(Executor::Caller) } else { Executor::current() }
+        if self.requested == Some(1) { Ok(Executor::Caller) } else { Executor::current() }
     }
 
     pub(crate) fn count(&self) -> usize {
-        match (&self.pool, self.asked) {
+        match (&self.pool, self.requested) {
             (Some(pool), _) => pool.current_num_threads(),
             (None, Some(threads)) => threads,
             (None, None) => count(),
@@ -176,11 +176,11 @@ fn count() -> usize {
     if rayon::current_thread_index().is_some() { rayon::current_num_threads() } else { cores() }
 }
 
-fn pool(asked: usize) -> Result<ThreadPool, Error> {
+fn pool(requested: usize) -> Result<ThreadPool, Error> {
     let cores = cores();
-    let threads = useful(asked, cores);
-    if threads < asked {
-        log::warn!("{asked} threads requested; starting {threads}, the limit for {cores} cores");
+    let threads = useful(requested, cores);
+    if threads < requested {
+        log::warn!("{requested} threads requested; starting {threads}, the limit for {cores} cores");
     }
     thread_pool(threads)
 }
@@ -217,8 +217,8 @@ fn try_thread_memory(threads: usize) -> Result<(), String> {
     Ok(())
 }
 
-fn useful(asked: usize, cores: usize) -> usize {
-    asked.min((MAX_THREADS_PER_CORE * cores).max(MIN_MAX_THREADS))
+fn useful(requested: usize, cores: usize) -> usize {
+    requested.min((MAX_THREADS_PER_CORE * cores).max(MIN_MAX_THREADS))
 }
 
 fn cores() -> usize {
@@ -257,8 +257,8 @@ mod tests {
 
     #[test]
     fn pools_are_limited_to_useful_threads() {
-        for (asked, cores, started) in [(1, 1, 1), (7, 2, 7), (16, 1, 16), (17, 1, 16), (64, 16, 64)] {
-            assert_eq!(useful(asked, cores), started, "{asked} on {cores} cores");
+        for (requested, cores, started) in [(1, 1, 1), (7, 2, 7), (16, 1, 16), (17, 1, 16), (64, 16, 64)] {
+            assert_eq!(useful(requested, cores), started, "{requested} on {cores} cores");
         }
         assert_eq!(useful(100_000, 2), 16);
         assert_eq!(useful(100_000, 64), 256);

@@ -20,19 +20,19 @@ struct Expansion<'a> {
 
 impl Expansion<'_> {
     fn append(&mut self, source: &str) {
-        let mut kept = true;
+        let mut is_included = true;
         for line in source.lines() {
             if !line.starts_with('#') {
-                if kept {
+                if is_included {
                     self.append_line(line);
                 }
                 continue;
             }
             match line.split_once(' ').unwrap_or((line, "")) {
-                ("#ifdef", name) => kept = (self.is_defined)(name),
-                ("#else", _) => kept = !kept,
-                ("#endif", _) => kept = true,
-                _ if !kept => {}
+                ("#ifdef", name) => is_included = (self.is_defined)(name),
+                ("#else", _) => is_included = !is_included,
+                ("#endif", _) => is_included = true,
+                _ if !is_included => {}
                 ("#standard", rest) if (self.is_defined)("STANDARD") => self.append_line(rest),
                 ("#standard", _) => {}
                 ("#include", rest) => self.include(rest),

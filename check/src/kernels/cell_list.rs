@@ -35,8 +35,8 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
         call.run(&k::STATS_REDUCE, variant, groups)?;
         let found = call.read_one::<InputStats>("stats")?;
         // Devices may flush subnormal radii to zero.
-        let [kept, flushed] = [false, true].map(|flushes| surveyed(&spheres, division, flushes));
-        let expected = if found.smallest == flushed.smallest { flushed } else { kept };
+        let [unflushed, flushed] = [false, true].map(|flushes| surveyed(&spheres, division, flushes));
+        let expected = if found.smallest == flushed.smallest { flushed } else { unflushed };
         let case = |what: &str| format!("{what} of {size} spheres, {groups} workgroups, {division:?}");
         let counted = |survey: &InputStats| (survey.low, survey.high, survey.smallest, survey.quarantined);
         same(|| case("bounds"), &counted(&found), &counted(&expected))?;
@@ -154,8 +154,8 @@ pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) ->
             survey.high[axis] = survey.high[axis].max(x);
         }
         let radius = division.effective_radius(id, spheres);
-        let kept = if flushes && radius.is_subnormal() { 0.0 } else { radius };
-        let radius = (kept + FLUSHED).to_bits();
+        let value = if flushes && radius.is_subnormal() { 0.0 } else { radius };
+        let radius = (value + FLUSHED).to_bits();
         let class = (radius >> 23) as usize;
         survey.smallest = survey.smallest.max(!radius);
         survey.members[256 * division.side(id, spheres.len()) + class] += 1;

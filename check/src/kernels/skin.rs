@@ -83,13 +83,13 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
             );
             let species: Vec<u32> = (0..size).map(|k| u32::from(is_idle(k))).collect();
             let of_species = [0, SpeciesParams::IDLE].map(|flags| SpeciesParams { flags, half: 0.0 });
-            let kept: Vec<[f32; 4]> = then.iter().map(widened).collect();
+            let reference: Vec<[f32; 4]> = then.iter().map(widened).collect();
             let call = KernelCall::new(own)
                 .with("params", &[call])?
                 .with("skin", &[SKIN])?
                 .with("count_source", &[size as u32])?
                 .with("spheres", &now)?
-                .with("reference", &kept)?
+                .with("reference", &reference)?
                 .with("species", &species)?
                 .with("reference_species", &species)?
                 .with("species_params", &of_species)?
@@ -107,22 +107,22 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
 }
 
 pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
-    let kept = changed(SkinState::zeroed(), |new| {
+    let unchanged = changed(SkinState::zeroed(), |new| {
         new.is_complete = 1;
         new.spheres = 10;
         new.age = 4;
         new.displacement = SKIN.limit_squared.to_bits();
     });
     let cases = [
-        (kept, 0),
+        (unchanged, 0),
         (SkinState::zeroed(), SkinState::NO_LIST),
-        (changed(kept, |new| new.spheres = 9), SkinState::INPUT_CHANGED),
-        (changed(kept, |new| new.input_changed = 1), SkinState::INPUT_CHANGED),
+        (changed(unchanged, |new| new.spheres = 9), SkinState::INPUT_CHANGED),
+        (changed(unchanged, |new| new.input_changed = 1), SkinState::INPUT_CHANGED),
         (
-            changed(kept, |new| new.displacement = SKIN.limit_squared.next_up().to_bits()),
+            changed(unchanged, |new| new.displacement = SKIN.limit_squared.next_up().to_bits()),
             SkinState::DISPLACEMENT,
         ),
-        (changed(kept, |new| new.displacement = f32::NAN.to_bits()), SkinState::DISPLACEMENT),
+        (changed(unchanged, |new| new.displacement = f32::NAN.to_bits()), SkinState::DISPLACEMENT),
     ];
     for (state, rebuilt) in cases {
         let is_rebuilt = rebuilt != 0;

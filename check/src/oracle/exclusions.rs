@@ -33,11 +33,11 @@ impl ExclusionCase {
         self.pairs.contains(&(i.min(j), i.max(j)))
     }
 
-    /// `kept` must ascend.
-    pub(crate) fn only(&self, kept: &[usize]) -> Self {
-        let place = |k: u32| kept.binary_search(&(k as usize)).ok().map(|place| place as u32);
-        let pairs = self.pairs().filter_map(|(i, j)| place(i).zip(place(j)));
-        Self::new(kept.len(), pairs).expect("places among those kept")
+    /// `retained` must ascend.
+    pub(crate) fn only(&self, retained: &[usize]) -> Self {
+        let index = |k: u32| retained.binary_search(&(k as usize)).ok().map(|index| index as u32);
+        let pairs = self.pairs().filter_map(|(i, j)| index(i).zip(index(j)));
+        Self::new(retained.len(), pairs).expect("indices among those retained")
     }
 }
 
@@ -82,10 +82,10 @@ mod tests {
         let pairs = |of: &[(u32, u32)]| of.iter().map(|&(i, j)| Pair { i, j }).collect::<Vec<_>>();
         let all = [(0, 2), (0, 4), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4)];
         assert_eq!(scenario.oracle(), pairs(&all));
-        let kept = scenario.only(|k| k != 0 && k != 2);
-        assert_eq!(kept.oracle(), pairs(&[(0, 1), (1, 2)]));
-        assert_eq!(kept.view().groups(), Some(&[7, Spheres::NO_GROUP, 3][..]));
-        assert_eq!(kept.excluded.unwrap().pairs().collect::<Vec<_>>(), [(0, 2)]);
+        let retained = scenario.only(|k| k != 0 && k != 2);
+        assert_eq!(retained.oracle(), pairs(&[(0, 1), (1, 2)]));
+        assert_eq!(retained.view().groups(), Some(&[7, Spheres::NO_GROUP, 3][..]));
+        assert_eq!(retained.excluded.unwrap().pairs().collect::<Vec<_>>(), [(0, 2)]);
         let one = scenario.only(|k| k == 4);
         assert_eq!((one.oracle(), one.query().exclusions().map(Exclusions::len)), (vec![], Some(0)));
     }

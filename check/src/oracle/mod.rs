@@ -80,17 +80,17 @@ impl TestInput {
     }
 
     pub fn only(&self, mut keep: impl FnMut(usize) -> bool) -> Self {
-        let kept: Vec<usize> = (0..self.spheres.len()).filter(|&k| keep(k)).collect();
+        let retained: Vec<usize> = (0..self.spheres.len()).filter(|&k| keep(k)).collect();
         let mixture = self.mixture.as_ref().map(|mixture| SpeciesSetup {
-            species: kept.iter().map(|&k| mixture.species[k]).collect(),
+            species: retained.iter().map(|&k| mixture.species[k]).collect(),
             rows: mixture.rows.clone(),
         });
         Self {
-            spheres: kept.iter().map(|&k| self.spheres[k]).collect(),
+            spheres: retained.iter().map(|&k| self.spheres[k]).collect(),
             space: self.space,
             mixture,
-            groups: self.groups.as_ref().map(|groups| kept.iter().map(|&k| groups[k]).collect()),
-            excluded: self.excluded.as_ref().map(|excluded| excluded.only(&kept)),
+            groups: self.groups.as_ref().map(|groups| retained.iter().map(|&k| groups[k]).collect()),
+            excluded: self.excluded.as_ref().map(|excluded| excluded.only(&retained)),
         }
     }
 

@@ -132,11 +132,11 @@ mod tests {
     #[test]
     fn shrinking_respects_the_limit_of_tries() {
         let scenario = TestInput::from(cloud(3, 500, 5.0, |random| 0.5 * random.unit()));
-        let mut asked = 0;
+        let mut calls = 0;
         let (small, what) = shrink(scenario.clone(), "first".to_owned(), 7, |_| {
-            asked += 1;
+            calls += 1;
             None
         });
-        assert_eq!((asked, small, what.as_str()), (7, scenario, "first"));
+        assert_eq!((calls, small, what.as_str()), (7, scenario, "first"));
     }
 }

@@ -133,7 +133,7 @@ fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
     let mut call = || {
         let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
         session.finish(ticket, 1 << 20).expect("finished");
-        session.kept().expect("a list").rebuilt.is_some()
+        session.candidate_list_stats().expect("a list").rebuilt.is_some()
     };
     assert!(call());
     (0..3).filter(|_| call()).count()

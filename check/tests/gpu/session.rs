@@ -322,7 +322,7 @@ fn candidate_overflow_never_fails_a_call() {
         let spheres = vec![Sphere::new([1.0; 3], 0.5); n];
         let found = session_count(&mut session, &spheres);
         assert_eq!(found, (n * (n - 1) / 2) as u64, "{n}, {what}");
-        session.kept().map(|kept| (kept.count, kept.age, kept.rebuilt))
+        session.candidate_list_stats().map(|stats| (stats.count, stats.age, stats.rebuilt))
     };
     // The initial capacity is 4096 candidates, the largest 131,072.
     assert_eq!(count(80, "few"), Some((3160, 0, Some(RebuildReason::NoList))));

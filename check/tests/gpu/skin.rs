@@ -227,7 +227,7 @@ fn candidate_overflow_reports_the_needed_capacity() {
     }
     detector.set_candidate_capacity(500_000);
     assert_eq!(verify(&own, &mut detector, &scenario, "with room").rebuild_reason, SkinState::NO_LIST);
-    assert_eq!(verify(&own, &mut detector, &scenario, "kept").rebuild_reason, 0);
+    assert_eq!(verify(&own, &mut detector, &scenario, "reused").rebuild_reason, 0);
 }
 
 /// Four candidates per pair of the output would exceed the binding.

@@ -13,13 +13,13 @@ pub(crate) struct CallSize {
 }
 
 pub(crate) fn algorithm(
-    asked: Algorithm,
+    requested: Algorithm,
     size: CallSize,
     crossover: Crossover,
     source: &str,
 ) -> (Algorithm, String) {
-    if asked != Algorithm::Auto {
-        return (asked, format!("{asked}: requested"));
+    if requested != Algorithm::Auto {
+        return (requested, format!("{requested}: requested"));
     }
     let CallSize { spheres, split, classes } = size;
     let at = crossover.of(classes);
@@ -37,14 +37,16 @@ pub(crate) fn algorithm(
 }
 
 pub(crate) fn can_use_skin(
-    asked: Algorithm,
+    requested: Algorithm,
     chosen: Algorithm,
     spheres: u32,
     costs: &SkinCosts,
 ) -> Result<(), String> {
     let least = costs.min_worthwhile_spheres();
     match least {
-        _ if !matches!(asked, Algorithm::Auto | Algorithm::CellList) => Err(format!("{asked} keeps none")),
+        _ if !matches!(requested, Algorithm::Auto | Algorithm::CellList) => {
+            Err(format!("{requested} keeps none"))
+        }
         _ if chosen == Algorithm::Naive => Err("all pairs of so few cost less".to_owned()),
         Some(least) if spheres >= least => Ok(()),
         Some(least) => Err(format!("{spheres} spheres are fewer than {least}")),
@@ -63,7 +65,7 @@ mod tests {
     #[test]
     fn algorithm_and_reason_follow_the_crossover() {
         let crossover = Crossover { naive_below: 10_000, per_class: 500 };
-        for (asked, spheres, classes, expected) in [
+        for (requested, spheres, classes, expected) in [
             (Algorithm::Auto, 0, 0, Algorithm::Naive),
             (Algorithm::Auto, 1, 1, Algorithm::Naive),
             (Algorithm::Auto, 9_999, 1, Algorithm::Naive),
@@ -76,10 +78,10 @@ mod tests {
             (Algorithm::ArrayGrid, 1, 1, Algorithm::ArrayGrid),
         ] {
             let (chosen, reason) =
-                algorithm(asked, CallSize { spheres, split: None, classes }, crossover, "measured");
-            assert_eq!(chosen, expected, "{asked}, {spheres} spheres, {classes} classes: {reason}");
+                algorithm(requested, CallSize { spheres, split: None, classes }, crossover, "measured");
+            assert_eq!(chosen, expected, "{requested}, {spheres} spheres, {classes} classes: {reason}");
             assert!(reason.starts_with(chosen.name()), "{reason}");
-            assert_eq!(reason.contains("measured"), asked == Algorithm::Auto, "{reason}");
+            assert_eq!(reason.contains("measured"), requested == Algorithm::Auto, "{reason}");
         }
         let size = CallSize { spheres: 3000, split: None, classes: 1 };
         let (_, reason) = algorithm(Algorithm::Auto, size, crossover, "measured on this adapter");
@@ -136,7 +138,7 @@ mod tests {
             call_ns: 10_000.0,
         };
         let never = SkinCosts { measure_ns: 12.0, ..costs };
-        for (asked, chosen, spheres, costs, expected) in [
+        for (requested, chosen, spheres, costs, expected) in [
             (Auto, CellList, 1000, costs, Ok(())),
             (CellList, CellList, 1000, costs, Ok(())),
             (Auto, CellList, 999, costs, Err("999 spheres are fewer than 1000")),
@@ -145,8 +147,8 @@ mod tests {
             (LazyGrid, LazyGrid, 1_000_000, costs, Err("lazy-grid keeps none")),
             (Auto, CellList, u32::MAX, never, Err("testing them costs more than a new search")),
         ] {
-            let may = can_use_skin(asked, chosen, spheres, &costs);
-            assert_eq!(may, expected.map_err(str::to_owned), "{asked}, {chosen}, {spheres}");
+            let may = can_use_skin(requested, chosen, spheres, &costs);
+            assert_eq!(may, expected.map_err(str::to_owned), "{requested}, {chosen}, {spheres}");
         }
     }
 }

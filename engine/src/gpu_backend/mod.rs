@@ -116,8 +116,10 @@ impl DetectorBackend for GpuBackend {
     fn memory_for(&self, spheres: u64, is_f64: bool) -> u64 {
         let session = &self.device.search.session;
         // More spheres are searched in slabs.
-        let keeps = self.skin_controller.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
-        let memory = |n| if keeps { session.memory_with_candidates(n) } else { session.memory_for(n) };
+        let may_use_candidates =
+            self.skin_controller.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
+        let memory =
+            |n| if may_use_candidates { session.memory_with_candidates(n) } else { session.memory_for(n) };
         let at_once = u32::try_from(spheres.min(session.most_spheres())).ok();
         let on_device = at_once.and_then(|n| memory(n).ok()).unwrap_or(u64::MAX);
         on_device.saturating_add(QueryBuffers::memory_for(spheres, is_f64, &self.settings, false))
@@ -152,11 +154,11 @@ impl SearchBackend for GpuBackend {
             report.phases.push(PhaseTime::new("choice", start.elapsed()));
             Ok((prepared, stats))
         })?;
-        let asked_for = settings.algorithm;
+        let requested = settings.algorithm;
         let classes = stats.occupied().count();
         let (spheres, split) = (query.len() as u32, prepared.split.map(|split| split as u32));
         let (algorithm, reason) =
-            choice::algorithm(asked_for, CallSize { spheres, split, classes }, known.crossover, known.how);
+            choice::algorithm(requested, CallSize { spheres, split, classes }, known.crossover, known.how);
         log::debug!("{reason}");
         (report.algorithm, report.reason) = (algorithm, reason);
         let present = prepared.present_species().filter(|_| !has_empty_set(split, spheres));
@@ -187,7 +189,7 @@ impl SearchBackend for GpuBackend {
         if let Some(skin_controller) =
             skin_controller.as_deref_mut().filter(|_| search.is_bound_at_once(&request))
         {
-            let skin = match choice::can_use_skin(asked_for, algorithm, spheres, &known.skin) {
+            let skin = match choice::can_use_skin(requested, algorithm, spheres, &known.skin) {
                 Ok(()) => skin_controller.next(&request, &known.skin)?,
                 Err(why) => {
                     log::debug!("no candidates: {why}");
@@ -203,7 +205,7 @@ impl SearchBackend for GpuBackend {
             complete_report(report, search);
         }
         if let Some(skin_controller) = skin_controller {
-            skin_controller.note(query.len(), report.candidates, search.session.last_rebuild());
+            skin_controller.record_call(query.len(), report.candidates, search.session.last_rebuild());
         }
         Ok(())
     }
@@ -314,7 +316,7 @@ fn complete_report(report: &mut Report, search: &SlabSearch) {
     if search.slabs != 1 {
         report.reason += &format!("; in {} slabs: the device cannot bind all spheres at once", search.slabs);
     }
-    report.candidates = session.kept();
+    report.candidates = session.candidate_list_stats();
     if let Some(CandidateListStats { count, age, rebuilt, .. }) = report.candidates {
         report.reason += &match rebuilt {
             None => format!("; {count} candidates of {age} calls ago"),
@@ -324,8 +326,8 @@ fn complete_report(report: &mut Report, search: &SlabSearch) {
     report.phases.extend_from_slice(&search.timings);
 }
 
-fn cell_ratio(asked: Option<f32>) -> Result<f32, Error> {
-    let ratio = asked.unwrap_or(GpuConfig::CELL_RATIO);
+fn cell_ratio(requested: Option<f32>) -> Result<f32, Error> {
+    let ratio = requested.unwrap_or(GpuConfig::CELL_RATIO);
     if Config::CELL_RATIOS.contains(&ratio) {
         return Ok(ratio.max(GpuConfig::MIN_CELL_RATIO));
     }

@@ -35,9 +35,14 @@ impl SkinController {
     }
 
     /// `previous` is the age and displacement fraction of the previous list.
-    pub(super) fn note(&mut self, spheres: usize, kept: Option<CandidateListStats>, previous: (u32, f32)) {
-        self.is_served = kept.is_some_and(|kept| kept.rebuilt.is_none());
-        match kept {
+    pub(super) fn record_call(
+        &mut self,
+        spheres: usize,
+        stats: Option<CandidateListStats>,
+        previous: (u32, f32),
+    ) {
+        self.is_served = stats.is_some_and(|stats| stats.rebuilt.is_none());
+        match stats {
             Some(CandidateListStats { rebuilt: None, .. }) => self.tuner.record_age(previous, None),
             Some(CandidateListStats { rebuilt, count, .. }) => {
                 if rebuilt == Some(RebuildReason::Displacement) {
@@ -77,23 +82,23 @@ mod tests {
             let skin = controller.next(&request, &costs).expect("valid");
             let Some(distance) = skin.filter(|_| fits) else {
                 (held, found) = (None, found + u32::from(skin.is_some()));
-                controller.note(n, None, (0, 0.0));
+                controller.record_call(n, None, (0, 0.0));
                 continue;
             };
             let moved = (at - since) / (distance / 2.0);
-            let mut kept = CandidateListStats::default();
-            kept.rebuilt = match held == skin {
+            let mut stats = CandidateListStats::default();
+            stats.rebuilt = match held == skin {
                 true if moved <= 1.0 => None,
                 true => Some(RebuildReason::Displacement),
                 false => Some(RebuildReason::NoList),
             };
-            kept.count = if distance < 0.5 { 0 } else { 3 * n as u64 };
+            stats.count = if distance < 0.5 { 0 } else { 3 * n as u64 };
             let previous = (age + 1, moved);
-            match kept.rebuilt {
+            match stats.rebuilt {
                 None => (served, age) = (served + 1, age + 1),
                 Some(_) => (found, age, since, held) = (found + 1, 0, at, skin),
             }
-            controller.note(n, Some(kept), previous);
+            controller.record_call(n, Some(stats), previous);
         }
         (served, found)
     }

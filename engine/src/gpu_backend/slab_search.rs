@@ -336,7 +336,7 @@ impl SlabSearch {
         let call = self.session.call(request.algorithm);
         let call = match request.split {
             None => call,
-            Some(split) => QueuedCall { split, keeps: false, ..call },
+            Some(split) => QueuedCall { split, may_use_candidates: false, ..call },
         };
         let ticket = self.session.begin_as(call, request.spheres)?;
         self.time("upload", start);
@@ -358,7 +358,12 @@ impl SlabSearch {
         }
         let start = Instant::now();
         let (window, split) = (self.slab.window(), self.slab.split());
-        let call = QueuedCall { window, split, keeps: false, ..self.session.call(cut.request.algorithm) };
+        let call = QueuedCall {
+            window,
+            split,
+            may_use_candidates: false,
+            ..self.session.call(cut.request.algorithm)
+        };
         let ticket = self.session.begin_as(call, self.slab.spheres()?)?;
         self.time("upload", start);
         Ok(Some(ticket))

@@ -262,10 +262,10 @@ impl Slab {
         let [owned, of_range, others] = self.ends;
         let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);
         pairs.retain_mut(|pair| {
-            let keeps = is_owned(pair.i) || is_owned(pair.j);
+            let is_retained = is_owned(pair.i) || is_owned(pair.j);
             let [a, b] = [pair.i, pair.j].map(|k| self.indices[k as usize]);
             (pair.i, pair.j) = (a.min(b), a.max(b));
-            keeps
+            is_retained
         });
     }
 }

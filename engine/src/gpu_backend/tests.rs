@@ -83,11 +83,11 @@ fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
     }
     let groups: Vec<u32> = (0..75_000).map(|k| k % 7).collect();
     let grouped = all.with_groups(&groups).expect("one of each");
-    let mut kept = expected.clone();
-    kept.retain(|pair| pair.i % 7 != pair.j % 7);
+    let mut filtered = expected.clone();
+    filtered.retain(|pair| pair.i % 7 != pair.j % 7);
     let mut detector = made(gpu.clone(), config.clone());
-    assert_eq!(detector.count(grouped), Ok(kept.len() as u64));
-    assert!(detector.pairs(grouped).expect("found") == kept);
+    assert_eq!(detector.count(grouped), Ok(filtered.len() as u64));
+    assert!(detector.pairs(grouped).expect("found") == filtered);
     let limited = config.max_pairs(all_pairs - 1);
     let mut detector = made(gpu, limited.order(Order::Unordered));
     let mut streamed = Vec::new();
@@ -154,7 +154,7 @@ fn automatic_skin_never_changes_a_result() {
         let all = Spheres::from(&spheres);
         assert!(detector.pairs(all).expect("found") == host.pairs(&spheres).expect("valid"), "step {step}");
         served +=
-            u32::from(detector.backend().report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+            u32::from(detector.backend().report().candidates.is_some_and(|stats| stats.rebuilt.is_none()));
         let scale = [0.004, 0.5, 0.0][step / 12 + step / 20];
         for sphere in &mut spheres {
             sphere.center += glam::Vec3::from([place(scale), place(scale), place(scale)]);

@@ -131,8 +131,8 @@ fn groups_of_species_match_naive() {
             let mut expected = Vec::new();
             for i in 0..n {
                 for j in i + 1..n {
-                    let is_asked_for = split.is_none_or(|split| (i < split as u32) != (j < split as u32));
-                    if is_asked_for && input.test.is_pair(i, j) {
+                    let is_requested = split.is_none_or(|split| (i < split as u32) != (j < split as u32));
+                    if is_requested && input.test.is_pair(i, j) {
                         expected.push(Pair { i, j });
                     }
                 }
@@ -145,8 +145,10 @@ fn groups_of_species_match_naive() {
                 if list.touch_decides() {
                     input.test.decided_by_radii();
                 }
-                let output =
-                    ChunkedOutput::new(ChunkTarget::List { limit: u64::MAX, kept: 0.into() }, Vec::new());
+                let output = ChunkedOutput::new(
+                    ChunkTarget::List { limit: u64::MAX, collected: 0.into() },
+                    Vec::new(),
+                );
                 let (_, chunks) =
                     list.search(&input, &output).and_then(|sink| sink.finish()).expect("there is memory");
                 let mut found = chunks.concat();

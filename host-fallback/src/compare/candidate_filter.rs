@@ -42,11 +42,11 @@ impl<'a> CandidateFilter<'a> {
 
     /// Removes rejected pairs, in parallel and without changing the order.
     pub fn retain(&self, pairs: &mut Vec<Pair>, executor: Executor) {
-        let none_kept = std::iter::repeat_n(0_u32, pairs.len().div_ceil(CHUNK_PAIRS));
-        let Ok(mut kept) = try_collect(none_kept, "chunks of pairs") else {
+        let none_accepted = std::iter::repeat_n(0_u32, pairs.len().div_ceil(CHUNK_PAIRS));
+        let Ok(mut accepted) = try_collect(none_accepted, "chunks of pairs") else {
             return pairs.retain(|pair| self.accepts(pair));
         };
-        let counts = shared(&mut kept);
+        let counts = shared(&mut accepted);
         executor.for_each_chunk(pairs, CHUNK_PAIRS, |chunk, pairs| {
             let mut count = 0;
             for k in 0..pairs.len() {
@@ -57,7 +57,10 @@ impl<'a> CandidateFilter<'a> {
             }
             counts[chunk].store(count as u32, Relaxed);
         });
-        close_gaps(pairs, kept.iter().zip(0..).map(|(&count, chunk)| (chunk * CHUNK_PAIRS, count as usize)));
+        close_gaps(
+            pairs,
+            accepted.iter().zip(0..).map(|(&count, chunk)| (chunk * CHUNK_PAIRS, count as usize)),
+        );
     }
 }
 

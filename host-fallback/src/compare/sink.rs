@@ -27,9 +27,9 @@ pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
     let bytes = pairs.saturating_mul(size_of::<Pair>() as u64);
     let chunks = |count: u64| count.saturating_mul((CHUNK * size_of::<Pair>()) as u64);
     // Consecutive chunks are merged if one holds both, so at least half of all capacity is used.
-    let kept =
+    let buffered =
         bytes.saturating_mul(2).min(bytes.saturating_add(chunks(PARTLY_FILLED.saturating_mul(threads))));
-    kept.saturating_add(chunks(threads.saturating_add(1)))
+    buffered.saturating_add(chunks(threads.saturating_add(1)))
 }
 
 /// Receives pairs as they are found.
@@ -120,7 +120,7 @@ pub(crate) enum ChunkTarget<'c> {
     /// Keeps up to `limit` pairs in order, and counts the others.
     List {
         limit: u64,
-        kept: AtomicU64,
+        collected: AtomicU64,
     },
     Consumer(Mutex<PairConsumer<'c>>),
     Channel(SyncSender<Vec<Pair>>),
@@ -139,7 +139,7 @@ impl<'c> ChunkedOutput<'c> {
     }
 
     fn is_too_long(&self) -> bool {
-        matches!(&self.to, ChunkTarget::List { limit, kept } if kept.load(Relaxed) > *limit)
+        matches!(&self.to, ChunkTarget::List { limit, collected } if collected.load(Relaxed) > *limit)
     }
 
     #[inline(always)]
@@ -155,9 +155,9 @@ impl<'c> ChunkedOutput<'c> {
 
     fn finish_chunk(&self, chunk: Vec<Pair>) -> Result<Option<Vec<Pair>>, Error> {
         match &self.to {
-            ChunkTarget::List { limit, kept } => {
+            ChunkTarget::List { limit, collected } => {
                 let len = chunk.len() as u64;
-                if kept.fetch_add(len, Relaxed) + len <= *limit {
+                if collected.fetch_add(len, Relaxed) + len <= *limit {
                     return Ok(Some(chunk));
                 }
             }

@@ -182,7 +182,7 @@ mod tests {
     fn candidates_are_kept_until_a_sphere_exceeds_its_limit() {
         let mut source = Random(11);
         let mut random = || f64::from(source.unit());
-        let [mut kept, mut refused] = [0; 2];
+        let [mut accepted, mut refused] = [0; 2];
         for case in 0..20_000 {
             let tilt = [0.5, 0.95][case % 2];
             let edges =
@@ -212,9 +212,9 @@ mod tests {
             let touches = space.touch([ax, ay, az, 0.01], [bx, by, bz, 0.01], None);
             assert!(possible || !touches, "lost: {space:?}, {moved:?}");
             assert!(!certain);
-            kept += usize::from(touches);
+            accepted += usize::from(touches);
             refused += usize::from(!possible);
         }
-        assert!(kept > 500 && refused > 500, "{kept}, {refused}");
+        assert!(accepted > 500 && refused > 500, "{accepted}, {refused}");
     }
 }

@@ -35,9 +35,9 @@ pub const NAIVE_BELOW: usize = 400;
 pub const NAIVE_PER_CLASS: usize = 80;
 
 /// Returns the algorithm and its reason.
-pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
-    if asked != Algorithm::Auto {
-        return (asked, format!("{asked}: requested"));
+pub fn choose(requested: Algorithm, stats: &InputStats) -> (Algorithm, String) {
+    if requested != Algorithm::Auto {
+        return (requested, format!("{requested}: requested"));
     }
     let (n, classes) = (stats.spheres, stats.occupied().count());
     let crossover = NAIVE_BELOW + NAIVE_PER_CLASS * classes;
@@ -54,9 +54,9 @@ pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
 const COMPARED_PER_SORTED: u64 = 55;
 const COMPARED_PER_SEARCHED: u64 = 300;
 
-pub(crate) fn choose_between(asked: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
-    if asked != Algorithm::Auto {
-        return choose(asked, stats);
+pub(crate) fn choose_between(requested: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
+    if requested != Algorithm::Auto {
+        return choose(requested, stats);
     }
     let [a, b] = [split as u64, (stats.spheres - split) as u64];
     if a * b < COMPARED_PER_SORTED * (a + b) + COMPARED_PER_SEARCHED * a.min(b) {
@@ -101,8 +101,8 @@ mod tests {
         let spheres = [Sphere::default()];
         let stats =
             InputStats::of(&PairTest::new((&spheres).into(), None), Executor::Pool).expect("all are valid");
-        for &asked in Algorithm::CPU {
-            assert_eq!(choose(asked, &stats).0, asked);
+        for &requested in Algorithm::CPU {
+            assert_eq!(choose(requested, &stats).0, requested);
         }
     }
 }

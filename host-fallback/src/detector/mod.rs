@@ -77,7 +77,7 @@ impl HostBackend {
             IndexKind::RecursiveGrid => RecursiveGrid::memory_for(spheres, ratio, threads),
             IndexKind::CellList => CellList::memory_for(spheres),
         };
-        let kept = match self.settings.keeps_candidates() {
+        let candidates = match self.settings.keeps_candidates() {
             true => {
                 let spheres = (spheres, self.settings.interactions.is_some());
                 memory_of_candidates(spheres, self.settings.max_pairs, threads)
@@ -86,7 +86,7 @@ impl HostBackend {
         };
         let table = self.settings.interactions.as_ref();
         let species = table.map_or(0, |table| SpeciesGroups::memory_for(table.species(), spheres));
-        own.saturating_add(copied).saturating_add(kept).saturating_add(species)
+        own.saturating_add(copied).saturating_add(candidates).saturating_add(species)
     }
 }
 

@@ -58,10 +58,10 @@ impl DetectorState {
         if self.from_candidates {
             self.report.algorithm = Algorithm::CellList;
         } else {
-            let (asked, stats) = (input.settings.algorithm, &input.stats);
+            let (requested, stats) = (input.settings.algorithm, &input.stats);
             (self.report.algorithm, self.report.reason) = match input.split {
-                None => algorithm_choice::choose(asked, stats),
-                Some(split) => algorithm_choice::choose_between(asked, stats, split),
+                None => algorithm_choice::choose(requested, stats),
+                Some(split) => algorithm_choice::choose_between(requested, stats, split),
             };
             self.build_index(input)?;
         }
@@ -73,9 +73,9 @@ impl DetectorState {
             input.test.decided_by_radii();
         }
         if self.from_candidates {
-            let kept = self.skin.candidates.stats(lapsed);
-            self.report.candidates = Some(kept);
-            let CandidateListStats { count, age, .. } = kept;
+            let stats = self.skin.candidates.stats(lapsed);
+            self.report.candidates = Some(stats);
+            let CandidateListStats { count, age, .. } = stats;
             self.report.reason = match lapsed {
                 None => format!("cell-list: {count} candidates of {age} calls ago"),
                 Some(why) => format!("{}; {count} candidates were found: {why}", self.report.reason),
@@ -132,7 +132,7 @@ impl DetectorState {
         limit: u64,
         window: Option<Range<u32>>,
     ) -> Result<(u64, Vec<Vec<Pair>>), Error> {
-        let list = ChunkTarget::List { limit, kept: AtomicU64::new(0) };
+        let list = ChunkTarget::List { limit, collected: AtomicU64::new(0) };
         let output =
             ChunkedOutput { window, ..ChunkedOutput::new(list, std::mem::take(&mut self.free_chunks)) };
         let found = self.search(input, &output)?.finish()?;

@@ -75,8 +75,8 @@ impl SearchFrame {
             return None;
         }
         let trimmed = Self { is_trimmed: true, ..Self::at(extent.origin, scale_of(size), space) };
-        let kept = last.filter(|last| last.scale <= trimmed.scale && trimmed.scale <= 4.0 * last.scale);
-        Some(kept.cloned().unwrap_or(trimmed))
+        let reused = last.filter(|last| last.scale <= trimmed.scale && trimmed.scale <= 4.0 * last.scale);
+        Some(reused.cloned().unwrap_or(trimmed))
     }
 
     fn is_near(&self, origin: &[f64; 3]) -> bool {

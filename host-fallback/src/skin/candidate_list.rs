@@ -137,8 +137,8 @@ impl CandidateList {
         let test = input.test.widened(SkinMargin { limits, order: Some(&self.order) });
         let widened = wide(test, widened.stats);
         let limit = Self::limit(input.stats.spheres as u64, input.settings.max_pairs);
-        let kept = ChunkTarget::List { limit, kept: AtomicU64::new(0) };
-        let output = ChunkedOutput::new(kept, std::mem::take(&mut self.chunks));
+        let target = ChunkTarget::List { limit, collected: AtomicU64::new(0) };
+        let output = ChunkedOutput::new(target, std::mem::take(&mut self.chunks));
         let (count, chunks) = report.time("candidates", || list.search(&widened, &output)?.finish())?;
         self.chunks = chunks;
         if count > limit {

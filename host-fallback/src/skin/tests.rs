@@ -52,17 +52,18 @@ fn candidates_never_change_an_answer() {
         for (k, settings) in settings(skin).into_iter().enumerate() {
             let mut off =
                 HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
-            let mut kept = HostDetector::new(settings).expect("good settings");
+            let mut detector = HostDetector::new(settings).expect("good settings");
             let (mut spheres, mut random) = (gas(4000, 3, 24.0), Random(5));
             let (mut served, mut moved) = (0, 0);
             for call in 0..40 {
                 let expected = pairs(&mut off, &spheres);
-                assert_eq!(pairs(&mut kept, &spheres), expected, "{skin:?}, settings {k}, call {call}");
-                let report = kept.report().candidates;
-                served += usize::from(report.is_some_and(|kept| kept.rebuilt.is_none()));
-                moved +=
-                    usize::from(report.is_some_and(|kept| kept.rebuilt == Some(RebuildReason::Displacement)));
-                assert!(report.is_none_or(|kept| kept.count >= expected.len() as u64));
+                assert_eq!(pairs(&mut detector, &spheres), expected, "{skin:?}, settings {k}, call {call}");
+                let report = detector.report().candidates;
+                served += usize::from(report.is_some_and(|stats| stats.rebuilt.is_none()));
+                moved += usize::from(
+                    report.is_some_and(|stats| stats.rebuilt == Some(RebuildReason::Displacement)),
+                );
+                assert!(report.is_none_or(|stats| stats.count >= expected.len() as u64));
                 step(&mut spheres, if call < 30 { 0.05 } else { 0.2 }, &mut random);
             }
             assert!(served > 10 && moved > 1, "{skin:?}, settings {k}: {served} served, {moved} moved");
@@ -73,21 +74,21 @@ fn candidates_never_change_an_answer() {
 #[test]
 fn all_results_come_from_candidates() {
     let settings = Settings { skin: Skin::Fixed(0.5), max_pairs: 300, ..Settings::default() };
-    let mut kept = HostDetector::new(settings).expect("good settings");
+    let mut detector = HostDetector::new(settings).expect("good settings");
     let mut off =
         HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
     let (mut spheres, mut random) = (gas(2000, 2, 16.0), Random(5));
     for _ in 0..4 {
         let all = off.pairs(&spheres).expect("the spheres are valid").to_vec();
         assert!(all.len() > 600, "streams take several searches");
-        assert_eq!(kept.count(&spheres).expect("valid"), all.len() as u64);
-        assert!(matches!(kept.pairs(&spheres), Err(Error::TooManyPairs { .. })));
+        assert_eq!(detector.count(&spheres).expect("valid"), all.len() as u64);
+        assert!(matches!(detector.pairs(&spheres), Err(Error::TooManyPairs { .. })));
         let mut streamed = Vec::new();
         let mut consume = |pairs: &[Pair]| {
             streamed.extend_from_slice(pairs);
             std::ops::ControlFlow::Continue(())
         };
-        kept.stream(&spheres, 77, &mut consume).expect("valid");
+        detector.stream(&spheres, 77, &mut consume).expect("valid");
         assert_eq!(streamed, all);
         step(&mut spheres, 0.02, &mut random);
     }
@@ -96,14 +97,14 @@ fn all_results_come_from_candidates() {
 #[test]
 fn changed_spheres_rebuild_the_list() {
     let settings = Settings { skin: Skin::Fixed(1.0), order: Order::Unordered, ..Settings::default() };
-    let mut kept = HostDetector::new(settings).expect("good settings");
+    let mut detector = HostDetector::new(settings).expect("good settings");
     let mut off =
         HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
     let mut spheres = gas(3000, 2, 20.0);
     let mut check = |spheres: &[Sphere], why: Option<RebuildReason>| {
-        let found = kept.count(spheres).expect("valid");
+        let found = detector.count(spheres).expect("valid");
         assert_eq!(found, off.count(spheres).expect("valid"));
-        assert_eq!(kept.report().candidates.expect("there is a skin").rebuilt, why);
+        assert_eq!(detector.report().candidates.expect("there is a skin").rebuilt, why);
     };
     check(&spheres, Some(RebuildReason::NoList));
     check(&spheres, None);
@@ -119,10 +120,10 @@ fn changed_spheres_rebuild_the_list() {
 
 #[test]
 fn bad_spheres_are_refused_and_forgotten() {
-    let mut kept =
+    let mut detector =
         HostDetector::new(Settings { skin: Skin::Fixed(1.0), ..Settings::default() }).expect("good settings");
     let spheres = gas(3000, 2, 20.0);
-    let expected = kept.count(&spheres).expect("valid");
+    let expected = detector.count(&spheres).expect("valid");
     for bad in [
         Sphere::new([f32::NAN, 0.0, 0.0], 1.0),
         Sphere::new([0.0; 3], -1.0),
@@ -130,8 +131,8 @@ fn bad_spheres_are_refused_and_forgotten() {
     ] {
         let mut wrong = spheres.clone();
         wrong[1234] = bad;
-        assert!(matches!(kept.count(&wrong), Err(Error::Input(_))), "{bad:?}");
-        assert_eq!(kept.count(&spheres).expect("valid"), expected);
+        assert!(matches!(detector.count(&wrong), Err(Error::Input(_))), "{bad:?}");
+        assert_eq!(detector.count(&spheres).expect("valid"), expected);
     }
 }
 
@@ -158,10 +159,10 @@ fn without_a_list_every_call_searches() {
         .expect("good")
         .count(&spheres)
         .expect("valid");
-    let mut kept = HostDetector::new(settings(1e4)).expect("good settings");
+    let mut detector = HostDetector::new(settings(1e4)).expect("good settings");
     for _ in 0..2 {
-        assert_eq!(kept.count(&spheres).expect("valid"), expected);
-        assert_eq!(kept.report().candidates, None);
+        assert_eq!(detector.count(&spheres).expect("valid"), expected);
+        assert_eq!(detector.report().candidates, None);
     }
 }
 
@@ -175,7 +176,7 @@ fn head_on_spheres_are_found_when_they_touch() {
             [Sphere::new([x, y, -half], 0.25), Sphere::new([x, y, half], 0.25)]
         };
         let settings = Settings { skin, ..Settings::default() };
-        let mut kept = HostDetector::new(settings).expect("good settings");
+        let mut detector = HostDetector::new(settings).expect("good settings");
         let mut served = 0;
         for step in 0..60 {
             let by = step as f32 / 80.0;
@@ -183,8 +184,8 @@ fn head_on_spheres_are_found_when_they_touch() {
             let expected = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })
                 .expect("good settings")
                 .count(&spheres);
-            assert_eq!(kept.count(&spheres), expected, "{skin:?}, step {step}");
-            served += usize::from(kept.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+            assert_eq!(detector.count(&spheres), expected, "{skin:?}, step {step}");
+            served += usize::from(detector.report().candidates.is_some_and(|stats| stats.rebuilt.is_none()));
         }
         assert!((20..60).contains(&served), "{skin:?}: {served} of 60 calls were served");
     }
@@ -200,31 +201,31 @@ fn radii_that_change_while_candidates_are_kept_lose_no_pair() {
     };
     for skin in [Skin::Auto, Skin::Fixed(0.2)] {
         let settings = |skin| Settings { skin, ..Settings::default() };
-        let mut kept = HostDetector::new(settings(skin)).expect("good settings");
+        let mut detector = HostDetector::new(settings(skin)).expect("good settings");
         let mut off = HostDetector::new(settings(Skin::Off)).expect("good settings");
         for call in 0..9 {
             let spheres = frame(call);
             let expected = off.count(&spheres);
             assert_eq!(expected, Ok(if call < 6 { 0 } else { 2193 }));
-            assert_eq!(kept.count(&spheres), expected, "{skin:?}, call {call}");
+            assert_eq!(detector.count(&spheres), expected, "{skin:?}, call {call}");
         }
     }
 }
 
 #[test]
 fn refused_call_discards_expired_candidates() {
-    let mut kept =
+    let mut detector =
         HostDetector::new(Settings { skin: Skin::Fixed(0.5), ..Settings::default() }).expect("good settings");
     let at = |k: usize| [k % 10, k / 10 % 10, k / 100].map(|c| c as f32);
     let lattice = |radius: f32| (0..1000).map(|k| Sphere::new(at(k), radius)).collect::<Vec<_>>();
     let (small, large) = (lattice(0.1), lattice(0.5));
     for _ in 0..2 {
-        assert_eq!(kept.count(&small), Ok(0));
+        assert_eq!(detector.count(&small), Ok(0));
     }
     let mut wrong = large.clone();
     wrong[500].center.x = f32::NAN;
-    assert!(matches!(kept.count(&wrong), Err(Error::Input(_))));
-    assert_eq!(kept.count(&large), Ok(2700));
+    assert!(matches!(detector.count(&wrong), Err(Error::Input(_))));
+    assert_eq!(detector.count(&large), Ok(2700));
 }
 
 #[test]
@@ -234,11 +235,11 @@ fn radii_without_effect_are_checked_while_candidates_serve() {
     for space in [Space::UNBOUNDED, Space::periodic([Some(40.0); 3]).expect("a box"), tilted] {
         let interactions = Some(table.clone());
         let settings = Settings { skin: Skin::Fixed(0.5), interactions, space, ..Settings::default() };
-        let mut kept = HostDetector::new(settings).expect("good settings");
+        let mut detector = HostDetector::new(settings).expect("good settings");
         let (spheres, ids) = (gas(2000, 1, 20.0), vec![0; 2000]);
         let mut count = |spheres: &[Sphere]| {
             let given = Spheres::from(spheres).with_species(&ids).expect("one id for each");
-            (kept.count(given), kept.report().candidates.map(|kept| kept.rebuilt))
+            (detector.count(given), detector.report().candidates.map(|stats| stats.rebuilt))
         };
         let (expected, _) = count(&spheres);
         for bad in [-5.0, f32::NAN, f32::NEG_INFINITY, f32::INFINITY] {
@@ -259,10 +260,10 @@ fn radii_without_effect_are_checked_while_candidates_serve() {
 fn too_many_candidates_cost_no_memory_and_no_error() {
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 5000];
     let settings = Settings { skin: Skin::Fixed(0.003), threads: Some(1), ..Settings::default() };
-    let mut kept = HostDetector::new(settings).expect("good settings");
+    let mut detector = HostDetector::new(settings).expect("good settings");
     for _ in 0..3 {
-        assert_eq!(kept.count(&spheres), Ok(5000 * 4999 / 2));
-        assert_eq!(kept.report().candidates, None);
+        assert_eq!(detector.count(&spheres), Ok(5000 * 4999 / 2));
+        assert_eq!(detector.report().candidates, None);
     }
 }
 
@@ -283,7 +284,7 @@ fn candidates_of_f64_spheres_are_tested_without_a_copy() {
             let settings = Settings { space, interactions, skin: Skin::Fixed(0.4), ..Settings::default() };
             let mut off =
                 HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
-            let mut kept = HostDetector::new(settings).expect("good settings");
+            let mut detector = HostDetector::new(settings).expect("good settings");
             let (mut spheres, mut random, mut served) = (gas(3000, 3, 24.0), Random(5), 0);
             let ids = species(spheres.len());
             for call in 0..24 {
@@ -297,10 +298,10 @@ fn candidates_of_f64_spheres_are_tested_without_a_copy() {
                 };
                 let given = given.with_species(&ids).expect("one id for each");
                 let expected = off.pairs(given).expect("valid");
-                assert_eq!(kept.pairs(given).expect("valid"), expected, "{space:?}, call {call}");
-                if kept.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()) {
+                assert_eq!(detector.pairs(given).expect("valid"), expected, "{space:?}, call {call}");
+                if detector.report().candidates.is_some_and(|stats| stats.rebuilt.is_none()) {
                     served += 1;
-                    assert!(kept.report().phases.iter().all(|phase| phase.name != "copy"));
+                    assert!(detector.report().phases.iter().all(|phase| phase.name != "copy"));
                 }
                 step(&mut spheres, 0.05, &mut random);
             }

@@ -317,7 +317,7 @@ mod tests {
         let shared = table.clone();
         for table in [&table, &shared] {
             assert_eq!(table.effective_radius(4095), first);
-            let species_radii = table.species_radii.get().and_then(Option::as_ref).expect("they are kept");
+            let species_radii = table.species_radii.get().and_then(Option::as_ref).expect("they are cached");
             assert_eq!(Arc::strong_count(species_radii), 2);
         }
     }

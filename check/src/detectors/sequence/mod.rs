@@ -123,7 +123,7 @@ impl Sequence {
             tally.calls += 1;
             tally.refused += u64::from(matches!(answer, Answer::Refused(_)));
             let report = detector.report();
-            tally.served += u64::from(report.candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+            tally.served += u64::from(report.candidates.is_some_and(|stats| stats.rebuilt.is_none()));
             let verdict = verifier.verdict(&answer).and_then(|()| verifier.report(&answer, &report));
             let fresh = || {
                 let mut fresh = Detector::new(self.settings.fresh(config.clone())).map_err(text)?;

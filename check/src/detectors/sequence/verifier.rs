@@ -27,7 +27,7 @@ impl<'a> Verifier<'a> {
             true => {
                 let mut pairs = definition::pairs(&step.scenario, step.ask.layout == Layout::WideRows);
                 let split = step.ask.split.map(|split| split.min(step.scenario.spheres.len()) as u32);
-                pairs.retain(|pair| is_asked(*pair, split));
+                pairs.retain(|pair| is_requested(*pair, split));
                 let range = counts(step, &pairs, tolerance);
                 Expected::Pairs(pairs, range)
             }
@@ -177,7 +177,7 @@ fn in_range(found: u64, [least, most]: [u64; 2]) -> Result<(), String> {
     }
 }
 
-fn is_asked(pair: Pair, split: Option<u32>) -> bool {
+fn is_requested(pair: Pair, split: Option<u32>) -> bool {
     split.is_none_or(|split| pair.i < split && pair.j >= split)
 }
 
@@ -188,9 +188,9 @@ fn counts(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     let n = step.scenario.spheres.len() as u32;
     let split = step.ask.split.map(|split| (split as u32).min(n));
     let all = (0..n).flat_map(|i| (i + 1..n).map(move |j| Pair { i, j }));
-    let asked = all.filter(|&pair| is_asked(pair, split));
+    let requested = all.filter(|&pair| is_requested(pair, split));
     let (mut least, mut most) = (expected.len() as u64, expected.len() as u64);
-    for pair in asked.filter(|&pair| tolerance.allows(&step.scenario, pair)) {
+    for pair in requested.filter(|&pair| tolerance.allows(&step.scenario, pair)) {
         match expected.binary_search(&pair) {
             Ok(_) => least -= 1,
             Err(_) => most += 1,

@@ -122,7 +122,7 @@ fn found(session: &mut GpuSession, mut spheres: Vec<Sphere>) -> Result<TimedCall
 
 fn call(session: &GpuSession, spheres: usize, taken: Duration) -> TimedCall {
     let each = |count: u64| count as f64 / spheres as f64;
-    let candidates = session.kept().map_or(0, |kept| kept.count);
+    let candidates = session.candidate_list_stats().map_or(0, |stats| stats.count);
     TimedCall {
         nanoseconds: taken.as_secs_f64() * 1e9,
         pairs: each(session.outcome().found()),
@@ -147,8 +147,10 @@ mod tests {
             call_ns: 700.0,
         };
         let (n, submitting) = (1000.0, 5000.0);
-        let call = |each: f32, kept: bool, [pairs, candidates]: [f32; 2]| TimedCall {
-            nanoseconds: submitting + f64::from(each) * n + if kept { f64::from(known.call_ns) } else { 0.0 },
+        let call = |each: f32, has_list: bool, [pairs, candidates]: [f32; 2]| TimedCall {
+            nanoseconds: submitting
+                + f64::from(each) * n
+                + if has_list { f64::from(known.call_ns) } else { 0.0 },
             pairs: pairs.into(),
             candidates: candidates.into(),
         };

@@ -147,8 +147,8 @@ impl GpuDetector {
     fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
         let plan = self.plan_for(spheres, choice)?;
         // Releasing old buffers first avoids holding both.
-        let kept = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
-        if let Some(mut prepared) = kept {
+        let reusable = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
+        if let Some(mut prepared) = reusable {
             if prepared.plan.deferred_parts != plan.deferred_parts {
                 prepared.recordings = SmallCache::NONE;
             }

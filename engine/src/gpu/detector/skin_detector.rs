@@ -222,9 +222,9 @@ impl GpuSkinDetector {
         };
         let Resident { buffers, candidates, .. } = &mut resident;
         // The search has no window and split, so its candidates serve any.
-        let mut kept = GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count);
-        kept.species = buffers.find(BufferId::ReferenceSpecies).map(Into::into);
-        let found = self.search.bind_as(choice, &kept, LayoutSource::Survey)?;
+        let mut reference = GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count);
+        reference.species = buffers.find(BufferId::ReferenceSpecies).map(Into::into);
+        let found = self.search.bind_as(choice, &reference, LayoutSource::Survey)?;
         // New search buffers invalidate the candidates.
         let candidates = match candidates.take().filter(|candidates| candidates.found == found) {
             Some(same) => candidates.insert(same),

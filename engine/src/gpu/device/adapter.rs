@@ -191,7 +191,7 @@ mod tests {
     #[test]
     fn adapter_is_found_by_index_or_unique_name() {
         let found = ["Card H1", "Card H1 Large", "Small Card", "llvmpipe (LLVM 15)", "llvmpipe"].map(card);
-        for (asked, expected) in [
+        for (requested, expected) in [
             ("0", Ok(0)),
             ("4", Ok(4)),
             ("small", Ok(2)),
@@ -207,17 +207,17 @@ mod tests {
             ("radeon", Err(0)),
             ("", Err(5)),
         ] {
-            match (AdapterId::from(asked).place_in(&found), expected) {
-                (Ok(place), Ok(expected)) => assert_eq!(place, expected, "{asked}"),
+            match (AdapterId::from(requested).place_in(&found), expected) {
+                (Ok(place), Ok(expected)) => assert_eq!(place, expected, "{requested}"),
                 (Err(error), Err(how_many)) => {
                     let text = error.to_string();
                     assert!(
                         matches!(error, Error::UnknownAdapter { matches, .. } if matches == how_many),
-                        "{asked}: {text}"
+                        "{requested}: {text}"
                     );
-                    assert!(text.contains(asked) && text.contains("1 Card H1 Large (vulkan)"), "{text}");
+                    assert!(text.contains(requested) && text.contains("1 Card H1 Large (vulkan)"), "{text}");
                 }
-                (found, expected) => panic!("{asked}: {found:?} instead of {expected:?}"),
+                (found, expected) => panic!("{requested}: {found:?} instead of {expected:?}"),
             }
         }
         for blank in ["", " "] {

@@ -23,7 +23,7 @@ impl LayoutReuse {
         if may_reuse && self.left > 0 { LayoutSource::EarlierCall } else { LayoutSource::Survey }
     }
 
-    pub(super) fn note(&mut self, has_reused: bool, outcome: &Outcome) {
+    pub(super) fn record(&mut self, has_reused: bool, outcome: &Outcome) {
         if has_reused && outcome.overflow & Outcome::OVERFLOW_LAYOUT != 0 {
             self.last_pause = (2 * self.last_pause + 1).min(MAX_PAUSE);
             (self.left, self.pause) = (0, self.last_pause);
@@ -53,7 +53,7 @@ mod tests {
             if reused && refuses(search) {
                 outcome.overflow = Outcome::OVERFLOW_LAYOUT;
             }
-            reuse.note(reused, &outcome);
+            reuse.record(reused, &outcome);
             reused
         };
         (0..count).map(search).collect()
@@ -79,9 +79,9 @@ mod tests {
         let mut reuse = LayoutReuse::default();
         let mut outcome = Outcome::default();
         outcome.max_occupancy = 100;
-        reuse.note(false, &outcome);
+        reuse.record(false, &outcome);
         assert_eq!(reuse.source(true), LayoutSource::Survey);
-        reuse.note(false, &Outcome::default());
+        reuse.record(false, &Outcome::default());
         assert_eq!(reuse.source(true), LayoutSource::EarlierCall);
         assert_eq!(reuse.source(false), LayoutSource::Survey);
     }

@@ -37,8 +37,8 @@ pub struct GpuSession {
     detector: GpuDetector,
     layouts: LayoutReuse,
     skin: Option<SkinSession>,
-    kept: Option<CandidateListStats>,
-    asked: AlgorithmChoice,
+    candidate_list_stats: Option<CandidateListStats>,
+    requested: AlgorithmChoice,
     timeout: Duration,
     slots: [CallBuffers; MAX_IN_FLIGHT],
     calls: [QueuedCall; MAX_IN_FLIGHT],
@@ -62,13 +62,13 @@ pub(crate) struct QueuedCall {
     pub(crate) choice: AlgorithmChoice,
     pub(crate) window: Range<u32>,
     pub(crate) split: u32,
-    pub(crate) keeps: bool,
+    pub(crate) may_use_candidates: bool,
     pub(crate) reuses_layout: bool,
 }
 
 impl QueuedCall {
     fn new(choice: AlgorithmChoice) -> Self {
-        Self { choice, window: GpuSpheres::ALL, split: 0, keeps: true, reuses_layout: true }
+        Self { choice, window: GpuSpheres::ALL, split: 0, may_use_candidates: true, reuses_layout: true }
     }
 }
 
@@ -96,17 +96,17 @@ impl GpuSession {
         let settings = settings.pairs_in_cell_order(false).columns(None);
         let detector = GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings)
             .map_err(|error| gpu.reason(error))?;
-        let asked = detector.algorithm_choice();
+        let requested = detector.algorithm_choice();
         Ok(Self {
-            asked,
+            requested,
             detector,
             layouts: LayoutReuse::default(),
             skin: None,
-            kept: None,
+            candidate_list_stats: None,
             gpu,
             timeout: Duration::from_secs(600),
             slots: Default::default(),
-            calls: [(); MAX_IN_FLIGHT].map(|()| QueuedCall::new(asked)),
+            calls: [(); MAX_IN_FLIGHT].map(|()| QueuedCall::new(requested)),
             begun: 0,
             submitted: None,
             pending: Default::default(),
@@ -161,7 +161,7 @@ impl GpuSession {
     /// [`Error::NotOnBackend`] for an algorithm without kernels.
     pub fn set_algorithm(&mut self, algorithm: Algorithm) -> Result<(), Error> {
         check_algorithm(algorithm)?;
-        self.asked.algorithm = algorithm;
+        self.requested.algorithm = algorithm;
         Ok(())
     }
 
@@ -173,11 +173,13 @@ impl GpuSession {
 
     /// Returns the planned cost of the last finished call; `None` if a candidate list answered it.
     pub fn cost(&self) -> Option<CallCost> {
-        self.plan().filter(|_| self.kept.is_none_or(|kept| kept.rebuilt.is_some())).map(Plan::cost)
+        self.plan()
+            .filter(|_| self.candidate_list_stats.is_none_or(|stats| stats.rebuilt.is_some()))
+            .map(Plan::cost)
     }
 
     fn plan(&self) -> Option<&Plan> {
-        match (&self.skin, self.kept) {
+        match (&self.skin, self.candidate_list_stats) {
             (Some(skin), Some(_)) => skin.detector.plan(),
             _ => self.detector.plan(),
         }
@@ -243,11 +245,11 @@ impl GpuSession {
                 "a session reports all pairs that touch: use `Detector`, or filter the pairs after readback";
             return Err(Error::InvalidSetting { name: "groups", value: "given".into(), range });
         }
-        self.begin_as(self.call(self.asked.algorithm), spheres)
+        self.begin_as(self.call(self.requested.algorithm), spheres)
     }
 
     pub(crate) fn call(&self, algorithm: Algorithm) -> QueuedCall {
-        QueuedCall::new(AlgorithmChoice { algorithm, ..self.asked })
+        QueuedCall::new(AlgorithmChoice { algorithm, ..self.requested })
     }
 
     pub(crate) fn begin_as(&mut self, call: QueuedCall, spheres: Spheres<'_>) -> Result<Ticket, Error> {
@@ -367,7 +369,7 @@ impl GpuSession {
     fn forget_last(&mut self) {
         self.pairs.clear();
         self.timings.clear();
-        self.kept = None;
+        self.candidate_list_stats = None;
     }
 
     fn capacity(&self) -> u32 {

@@ -31,12 +31,13 @@ impl GpuSession {
         wait: Wait,
     ) -> Result<Outcome, Error> {
         loop {
-            let is_kept =
-                self.pending[number as usize % MAX_IN_FLIGHT].as_ref().is_some_and(|pending| pending.is_kept);
+            let uses_candidates = self.pending[number as usize % MAX_IN_FLIGHT]
+                .as_ref()
+                .is_some_and(|pending| pending.uses_candidates);
             let outcome = self.wait(number, wait).await.map_err(|error| self.gpu.reason(error))?;
             self.last = outcome;
             self.last_counts = self.counts[number as usize % MAX_IN_FLIGHT];
-            if is_kept && outcome.overflow & !Outcome::OVERFLOW_PAIRS != 0 {
+            if uses_candidates && outcome.overflow & !Outcome::OVERFLOW_PAIRS != 0 {
                 self.pairs.clear();
                 self.repeat_for_candidates(number, window.clone(), &outcome)?;
             } else if outcome.overflow & Outcome::OVERFLOW_LAYOUT != 0 {
@@ -89,7 +90,7 @@ impl GpuSession {
             return self.submit_with_capacity(number, window, before);
         }
         let Some(choice) =
-            self.calls[slot].choice.with_fewer_entries(self.algorithm(), self.asked.cell_ratio)
+            self.calls[slot].choice.with_fewer_entries(self.algorithm(), self.requested.cell_ratio)
         else {
             let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
             let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");

@@ -67,11 +67,11 @@ impl GpuSession {
     }
 
     pub(crate) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
-        let kept = match &self.skin {
+        let candidates = match &self.skin {
             Some(skin) => skin.detector.memory_for(spheres)?,
             None => self.with_skin(1.0)?.memory_for(spheres)?,
         };
-        Ok(self.io_memory(spheres) + self.detector.memory_for(spheres)? + kept)
+        Ok(self.io_memory(spheres) + self.detector.memory_for(spheres)? + candidates)
     }
 
     /// Returns `true` if a rebuild may be long, whose parts are then submitted one by one.
@@ -82,24 +82,24 @@ impl GpuSession {
     }
 
     pub(super) fn uses_candidates(&self, number: u64) -> bool {
-        let asked = self.calls[number as usize % MAX_IN_FLIGHT].keeps;
-        self.skin.as_ref().is_some_and(|skin| asked && number >= skin.from)
+        let is_allowed = self.calls[number as usize % MAX_IN_FLIGHT].may_use_candidates;
+        self.skin.as_ref().is_some_and(|skin| is_allowed && number >= skin.from)
     }
 
     pub(super) fn pause_skin(&mut self, number: u64) {
         if let Some(skin) = &mut self.skin {
             skin.from = number + PAUSE;
         }
-        self.kept = None;
+        self.candidate_list_stats = None;
     }
 
     /// Returns the candidate list of the last finished call; `None` if the call searched.
-    pub fn kept(&self) -> Option<CandidateListStats> {
-        self.kept
+    pub fn candidate_list_stats(&self) -> Option<CandidateListStats> {
+        self.candidate_list_stats
     }
 
     /// Updates the statistics after a submission. A retried call rebuilt the list if one of its submissions did.
-    pub(super) fn note(&mut self, state: &SkinState) {
+    pub(super) fn record_state(&mut self, state: &SkinState) {
         let Some(skin) = &mut self.skin else { return };
         skin.candidates = Some(state.candidates.into());
         let rebuilt = match state.rebuild_reason {
@@ -108,21 +108,21 @@ impl GpuSession {
             SkinState::INPUT_CHANGED => Some(RebuildReason::InputChanged),
             _ => Some(RebuildReason::NoList),
         };
-        let before = self.kept.take();
-        let mut kept = CandidateListStats::default();
-        kept.count = state.candidates.into();
-        kept.rebuilt = before.and_then(|kept| kept.rebuilt).or(rebuilt);
+        let before = self.candidate_list_stats.take();
+        let mut stats = CandidateListStats::default();
+        stats.count = state.candidates.into();
+        stats.rebuilt = before.and_then(|stats| stats.rebuilt).or(rebuilt);
         if before.is_none() {
             skin.last_rebuild = (skin.age.saturating_add(1), skin.detector.part(state.last_displacement));
         }
-        skin.age = match (kept.rebuilt, before) {
+        skin.age = match (stats.rebuilt, before) {
             (Some(_), _) => 0,
             (None, Some(_)) => skin.age,
             (None, None) => skin.age.saturating_add(1),
         };
-        kept.age = skin.age;
-        kept.displacement_fraction = if kept.rebuilt.is_some() { 0.0 } else { skin.last_rebuild.1 };
-        self.kept = Some(kept);
+        stats.age = skin.age;
+        stats.displacement_fraction = if stats.rebuilt.is_some() { 0.0 } else { skin.last_rebuild.1 };
+        self.candidate_list_stats = Some(stats);
     }
 
     pub(super) fn repeat_for_candidates(

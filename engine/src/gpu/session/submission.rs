@@ -35,7 +35,7 @@ pub(super) struct PendingReadback {
     capacity: u32,
     timed: &'static [GpuPhase],
     /// If `true`, the list's state replaces the ticks.
-    pub(super) is_kept: bool,
+    pub(super) uses_candidates: bool,
     has_reused: Option<bool>,
 }
 
@@ -55,9 +55,11 @@ impl Drop for PendingReadback {
 
 impl GpuSession {
     pub(super) fn submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
-        let keeps = self.uses_candidates(number);
+        let uses_candidates = self.uses_candidates(number);
         let submitted = match self.try_submit(number, work.clone()) {
-            Err(error @ (Error::DeviceOutOfMemory { .. } | Error::LimitExceeded { .. })) if keeps => {
+            Err(error @ (Error::DeviceOutOfMemory { .. } | Error::LimitExceeded { .. }))
+                if uses_candidates =>
+            {
                 log::info!("the device cannot hold the candidates: {error}");
                 self.pause_skin(number);
                 self.try_submit(number, work)
@@ -69,7 +71,7 @@ impl GpuSession {
 
     fn try_submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let at = number as usize % MAX_IN_FLIGHT;
-        let keeps = self.uses_candidates(number);
+        let uses_candidates = self.uses_candidates(number);
         let is_long_search = self.is_long_search();
         let Self { gpu, detector, layouts, skin, slots, calls, expected, counts, .. } = self;
         let count = &mut counts[at];
@@ -80,14 +82,14 @@ impl GpuSession {
         let staging = slot.staging(gpu, staged)?;
         let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
         let mut encoder = new_encoder(gpu)?;
-        let skin = skin.as_mut().filter(|_| keeps).map(|skin| &mut skin.detector);
+        let skin = skin.as_mut().filter(|_| uses_candidates).map(|skin| &mut skin.detector);
         let timed: &[GpuPhase] = match work {
             _ if detector.ticks().is_none() || skin.is_some() => &[],
             Submission::Full(_) => GpuPhase::ALL,
             Submission::Continuation => &[GpuPhase::Search],
             Submission::Copy => &[],
         };
-        let is_kept = skin.is_some() && !matches!(work, Submission::Copy);
+        let uses_candidates = skin.is_some() && !matches!(work, Submission::Copy);
         let searches = skin.is_none() && matches!(work, Submission::Full(_));
         // After this, also after an error, no earlier call can be continued.
         let before = self.submitted.take();
@@ -162,7 +164,7 @@ impl GpuSession {
             staged,
             capacity,
             timed,
-            is_kept,
+            uses_candidates,
             has_reused: searches.then(|| detector.reuses_layout()),
         };
         self.submitted = found.map(|found| (number, found));
@@ -191,7 +193,7 @@ impl GpuSession {
         if outcome.found() <= pending.staged.min(pending.capacity.into()) {
             returned.append_pairs(outcome.found() as usize, &mut self.pairs)?;
         }
-        let state = pending.is_kept.then(|| returned.state());
+        let state = pending.uses_candidates.then(|| returned.state());
         if !pending.timed.is_empty() {
             let (period, ticks) = (f64::from(self.gpu.queue.get_timestamp_period()) * 1e-9, returned.ticks());
             for phase in pending.timed {
@@ -200,14 +202,14 @@ impl GpuSession {
             }
         }
         if let Some(has_reused) = pending.has_reused {
-            self.layouts.note(has_reused, &outcome);
+            self.layouts.record(has_reused, &outcome);
         }
         drop(view);
         let staging = pending.staging.clone();
         drop(pending);
         self.slots[number as usize % MAX_IN_FLIGHT].return_staging(staging);
         if let Some(state) = state {
-            self.note(&state);
+            self.record_state(&state);
         }
         self.time("read", start.elapsed());
         Ok(outcome)

@@ -59,7 +59,7 @@ fn candidate_lists_with_a_tiny_budget_find_equal_pairs() {
     for _ in 0..3 {
         let expected = finish(&mut whole, &spheres);
         assert_eq!(finish(&mut parted, &spheres), expected);
-        assert!(parted.kept().is_some(), "the list did not fit");
+        assert!(parted.candidate_list_stats().is_some(), "the list did not fit");
         spheres[0].center.y += 0.01;
     }
 }
@@ -189,8 +189,8 @@ fn result_above_the_staged_pairs_is_copied_without_a_search() {
         assert_eq!(finish(&mut session, &spheres).len(), 6048);
         let counts = session.submissions();
         assert_eq!((counts.searches, counts.copies), (1, 1), "skin {skin:?}");
-        let is_kept = session.kept().is_some_and(|list| list.rebuilt.is_some());
-        assert_eq!(is_kept, skin.is_some());
+        let is_rebuilt = session.candidate_list_stats().is_some_and(|list| list.rebuilt.is_some());
+        assert_eq!(is_rebuilt, skin.is_some());
         assert_eq!(finish(&mut session, &spheres).len(), 6048);
         assert_eq!((session.submissions().searches, session.submissions().copies), (1, 0));
     }

@@ -156,15 +156,16 @@ fn radii_that_grow_in_a_divided_crowd_lose_no_pair() {
             let naive = Settings { algorithm: Algorithm::Naive, skin: Skin::Off, ..settings.clone() };
             let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
             assert_eq!(build(given, &settings).1, Division::ByDistance, "{width}");
-            let [mut kept, mut naive] =
+            let [mut detector, mut naive] =
                 [settings, naive].map(|settings| HostDetector::new(settings).expect("good settings"));
             let mut served = 0;
             for radius in [0.004, 0.004, 0.1, 0.02, 0.3] {
                 spheres.iter_mut().for_each(|sphere| sphere.radius = radius);
                 let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
                 let expected = naive.count(given).expect("valid");
-                assert_eq!(kept.count(given), Ok(expected), "{width}, {skin:?}, radius {radius}");
-                served += usize::from(kept.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+                assert_eq!(detector.count(given), Ok(expected), "{width}, {skin:?}, radius {radius}");
+                served +=
+                    usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
             }
             assert!(served > 0 || !may_serve, "{skin:?}");
             spheres.iter_mut().for_each(|sphere| sphere.radius = 0.004);

@@ -116,7 +116,7 @@ impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     }
 
     #[inline(always)]
-    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize {
-        self.vector.keep(pairs, lanes, kept)
+    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, selected: &mut [Pair; MAX_LANES]) -> usize {
+        self.vector.keep(pairs, lanes, selected)
     }
 }

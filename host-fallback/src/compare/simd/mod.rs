@@ -179,8 +179,8 @@ pub(crate) trait SimdWidth: Copy {
     );
     /// Writes pairs of `id` with the selected `lanes` first; the rest is arbitrary. Returns their number.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
-    /// Compacts the selected `lanes` into `kept`, like [`pack`](Self::pack).
-    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize;
+    /// Compacts the selected `lanes` into `selected`, like [`pack`](Self::pack).
+    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, selected: &mut [Pair; MAX_LANES]) -> usize;
 }
 
 pub(crate) trait PeriodicSimd: SimdWidth {

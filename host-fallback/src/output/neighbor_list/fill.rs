@@ -223,8 +223,8 @@ impl Fill<'_> {
     }
 
     fn itself(&self, i: u32) -> Option<Entry> {
-        let is_asked_for = self.options.has_self && self.contact.query.second().is_none();
-        if !is_asked_for || self.cutoff(i, i)? <= 0.0 {
+        let is_requested = self.options.has_self && self.contact.query.second().is_none();
+        if !is_requested || self.cutoff(i, i)? <= 0.0 {
             return None;
         }
         Some(Entry { pair: Pair { i, j: i }, bond: ImageVector::default(), distance: 0.0 })

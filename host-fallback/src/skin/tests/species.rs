@@ -18,13 +18,13 @@ fn follow(
     let ids: Vec<u32> = (0..spheres.len() as u32).map(|k| k % 2).collect();
     let settings = Settings { interactions: Some(table()), space, threads: Some(1), ..Settings::default() };
     let mut off = HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
-    let mut kept = HostDetector::new(Settings { skin: Skin::Auto, ..settings }).expect("good settings");
+    let mut detector = HostDetector::new(Settings { skin: Skin::Auto, ..settings }).expect("good settings");
     let (mut random, mut served) = (Random(5), 0);
     for call in calls {
         let given = Spheres::from(&*spheres).with_species(&ids).expect("one id for each");
         let expected = off.pairs(given).expect("valid").to_vec();
-        assert_eq!(kept.pairs(given).expect("valid"), expected, "call {call}");
-        served += usize::from(kept.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+        assert_eq!(detector.pairs(given).expect("valid"), expected, "call {call}");
+        served += usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
         for (sphere, &species) in spheres.iter_mut().zip(&ids) {
             sphere.center += glam::Vec3::from(step(call, species, &mut random));
         }
@@ -69,14 +69,16 @@ fn species_that_appear_while_candidates_are_kept_lose_no_pair() {
         [(0, 0), (0, 0), (1, 0), (1, 0), (0, 0), (2, 1), (0, 0), (0, 0), (1, 0), (2, 0), (2, 0), (1, 0)];
     for skin in [Skin::Auto, Skin::Fixed(0.5)] {
         let settings = Settings { interactions: Some(table.clone()), skin, ..Settings::default() };
-        let mut kept = HostDetector::new(settings.clone()).expect("good settings");
+        let mut detector = HostDetector::new(settings.clone()).expect("good settings");
         let mut off = HostDetector::new(Settings { skin: Skin::Off, ..settings }).expect("good settings");
         let mut served = 0;
         for (call, (last, others)) in calls.into_iter().cycle().take(4 * calls.len()).enumerate() {
             let ids: Vec<u32> = (0..1500).map(|k| if k < 1490 { others } else { last }).collect();
             if call % 5 == 3 {
                 let ids = vec![1; 1500];
-                assert!(kept.count(Spheres::from(&bad).with_species(&ids).expect("an id for each")).is_err());
+                assert!(
+                    detector.count(Spheres::from(&bad).with_species(&ids).expect("an id for each")).is_err()
+                );
             }
             let spheres = match call / calls.len() % 2 {
                 0 => Spheres::from(&spheres),
@@ -84,8 +86,8 @@ fn species_that_appear_while_candidates_are_kept_lose_no_pair() {
             };
             let given = spheres.with_species(&ids).expect("an id for each");
             let expected = off.pairs(given).expect("valid").to_vec();
-            assert_eq!(kept.pairs(given).expect("valid"), expected, "{skin:?}, call {call}");
-            served += usize::from(kept.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+            assert_eq!(detector.pairs(given).expect("valid"), expected, "{skin:?}, call {call}");
+            served += usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
         }
         assert!(served > 4, "{skin:?}: {served} served");
     }
