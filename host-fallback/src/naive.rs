@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::Error;
 use crate::compare::{COMPARE_NS, Columns, Output, PairTest, ScanInput, SimdTask, SimdWidth, Sink, scan};
-use crate::input::{Division, SearchInput, search_pieces, sort_by_group};
+use crate::input::{Division, SearchInput, search_chunks, sort_by_group};
 use crate::memory::{try_push, with_growth};
 
 /// Spheres per tile, so that the columns of two tiles, 40 KiB, stay near the first-level cache.
@@ -75,7 +75,7 @@ impl Naive {
         input: &SearchInput<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        search_pieces(output, input, self.rows.len(), 1, |mut sink, k| {
+        search_chunks(output, input, self.rows.len(), 1, |mut sink, k| {
             let TileRow { tile, others } = &self.rows[k];
             for start in others.clone().step_by(TILE) {
                 if input.is_stopped() {

@@ -92,12 +92,12 @@ impl<K: RadixKey> Radix<K> {
         let Some(first) = entries.first() else { return Ok(false) };
         let digit = |key: K| key.without(shift).low() as usize % DIGITS;
         let size = entries.len().div_ceil(MAX_CHUNKS).max(CHUNK_RECORDS);
-        let piece = |k: usize| &entries[k * size..entries.len().min((k + 1) * size)];
+        let chunk = |k: usize| &entries[k * size..entries.len().min((k + 1) * size)];
         try_resize(counts, entries.len().div_ceil(size), "counting entries of cells")?;
         executor.for_each(counts, |k, counts| {
             // With counters on the stack, the compiler knows that no entry aliases them.
             let mut own = [0; DIGITS];
-            for entry in piece(k) {
+            for entry in chunk(k) {
                 own[digit(entry.key)] += 1;
             }
             *counts = own;
@@ -116,7 +116,7 @@ impl<K: RadixKey> Radix<K> {
         let target = DisjointSlice::new(spare);
         executor.for_each(counts, |k, positions| {
             let mut own = *positions;
-            for &entry in piece(k) {
+            for &entry in chunk(k) {
                 let position = &mut own[digit(entry.key)];
                 // SAFETY: the exclusive prefix sums over (digit, chunk) give every entry a distinct position below
                 // their number, the length of `spare`.

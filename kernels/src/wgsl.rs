@@ -109,11 +109,11 @@ mod tests {
 
     #[test]
     fn includes_and_conditions_are_resolved() {
-        let pieces = [("one", "a #{ARGUMENT}\n#include two\n"), ("two", "#ifdef B\nb\n#endif\n")];
+        let includes = [("one", "a #{ARGUMENT}\n#include two\n"), ("two", "#ifdef B\nb\n#endif\n")];
         let source = "#include one 7\n#ifdef A\nx\n#else\ny\n#endif\nz\n#include three\n";
-        assert_eq!(expand(source, &pieces, &|name| name == "A"), "a 7\nx\nz\n");
-        assert_eq!(expand(source, &pieces, &|name| name == "B"), "a 7\nb\ny\nz\n");
+        assert_eq!(expand(source, &includes, &|name| name == "A"), "a 7\nx\nz\n");
+        assert_eq!(expand(source, &includes, &|name| name == "B"), "a 7\nb\ny\nz\n");
         let twice = "#include two\n#include one 1\n#include one 2\n";
-        assert_eq!(expand(twice, &pieces, &|name| name == "B"), "b\na 1\na 2\n");
+        assert_eq!(expand(twice, &includes, &|name| name == "B"), "b\na 1\na 2\n");
     }
 }

@@ -63,9 +63,9 @@ impl GroupMembers {
         }
         let (n, groups) = (input.stats.spheres, grouping.count());
         let open = || try_collect(std::iter::repeat_n(Self::NONE, groups), "groups of spheres");
-        let piece = |members: Result<Vec<Self>, Error>, piece: usize| {
+        let fold_chunk = |members: Result<Vec<Self>, Error>, chunk: usize| {
             let mut members = members?;
-            for id in piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES) {
+            for id in chunk * CHUNK_SPHERES..n.min((chunk + 1) * CHUNK_SPHERES) {
                 members[grouping.of(id)].add(&input.test, grouping, id);
             }
             Ok::<_, Error>(Ok(members))
@@ -75,8 +75,8 @@ impl GroupMembers {
             a.iter_mut().zip(&b).for_each(|(a, b)| a.merge(b));
             Ok::<_, Error>(Ok(a))
         };
-        let pieces = Chunks::unlimited(n.div_ceil(CHUNK_SPHERES));
-        *all = input.executor.for_light_work(n).fold(pieces, open, piece, merge)??;
+        let chunks = Chunks::unlimited(n.div_ceil(CHUNK_SPHERES));
+        *all = input.executor.for_light_work(n).fold(chunks, open, fold_chunk, merge)??;
         Ok(())
     }
 

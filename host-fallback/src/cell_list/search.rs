@@ -7,7 +7,7 @@ use crate::compare::{
     HitQueue, MAX_LANES, NeighborRows, Output, PairTest, RunQueue, ScanInput, SimdTask, SimdWidth, Sink,
     SphereRun, Xyzr, scan,
 };
-use crate::input::{SearchInput, search_pieces};
+use crate::input::{SearchInput, search_chunks};
 
 /// A chunk takes some tens of microseconds at moderate density.
 const CHUNK_SPHERES: usize = 1 << 10;
@@ -20,21 +20,21 @@ pub(super) fn search<'o, O: Output>(
     output: &'o O,
 ) -> Result<O::Sink<'o>, Error> {
     let n = list.columns.len();
-    search_pieces(output, input, n.div_ceil(CHUNK_SPHERES), usize::MAX, |mut sink, piece| {
-        let range = piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
-        input.run(Piece { list, test: &input.test, range, sink: &mut sink });
+    search_chunks(output, input, n.div_ceil(CHUNK_SPHERES), usize::MAX, |mut sink, chunk| {
+        let range = chunk * CHUNK_SPHERES..n.min((chunk + 1) * CHUNK_SPHERES);
+        input.run(ChunkSearch { list, test: &input.test, range, sink: &mut sink });
         Ok(sink)
     })
 }
 
-struct Piece<'p, S> {
+struct ChunkSearch<'p, S> {
     list: &'p CellList,
     test: &'p PairTest<'p>,
     range: Range<usize>,
     sink: &'p mut S,
 }
 
-impl<S: Sink> SimdTask for Piece<'_, S> {
+impl<S: Sink> SimdTask for ChunkSearch<'_, S> {
     type Result = ();
 
     #[inline(always)]

@@ -77,8 +77,9 @@ impl Sorter {
         let columns = x?.into_iter().zip(y?).zip(z?).zip(r?).zip(split_at(id, cut())?);
         let cells = split_at(&mut starts[1..=cells], (0..buckets).map(|k| cells.min((k + 1) << shift)))?;
         let entries = split_at(&mut self.entries, cut())?;
-        let mut pieces = try_collect(entries.into_iter().zip(cells).zip(columns), "buckets of spheres")?;
-        input.executor.for_each(&mut pieces, |bucket, ((entries, cells), ((((x, y), z), r), id))| {
+        let mut bucket_slices =
+            try_collect(entries.into_iter().zip(cells).zip(columns), "buckets of spheres")?;
+        input.executor.for_each(&mut bucket_slices, |bucket, ((entries, cells), ((((x, y), z), r), id))| {
             let first = bucket << shift;
             count(entries, first, cells);
             for entry in entries.iter() {
@@ -107,11 +108,11 @@ impl Sorter {
         let Self { keys, entries, offsets, ends } = self;
         let size = keys.len().div_ceil(MAX_CHUNKS).clamp(*CHUNK_SPHERES.start(), *CHUNK_SPHERES.end());
         try_resize(offsets, keys.len().div_ceil(size) * buckets, "buckets of spheres")?;
-        let pieces = keys.chunks_mut(size).zip(offsets.chunks_mut(buckets));
-        let mut pieces = try_collect(pieces, "buckets of spheres")?;
-        input.executor.for_each(&mut pieces, |piece, (keys, counts)| {
+        let chunks = keys.chunks_mut(size).zip(offsets.chunks_mut(buckets));
+        let mut chunks = try_collect(chunks, "buckets of spheres")?;
+        input.executor.for_each(&mut chunks, |chunk, (keys, counts)| {
             let keys = &mut **keys;
-            input.simd.run(Keys { test: &input.test, locator, first: piece * size, keys }, None);
+            input.simd.run(Keys { test: &input.test, locator, first: chunk * size, keys }, None);
             counts.fill(0);
             for key in keys {
                 counts[(*key >> shift) as usize] += 1;
@@ -120,14 +121,14 @@ impl Sorter {
         try_resize(ends, buckets, "buckets of spheres")?;
         let mut at = 0;
         for (bucket, end) in ends.iter_mut().enumerate() {
-            for (_, counts) in &mut pieces {
+            for (_, counts) in &mut chunks {
                 at += std::mem::replace(&mut counts[bucket], at);
             }
             *end = at as usize;
         }
 
         let entries = DisjointSlice::new(entries);
-        input.executor.for_each(&mut pieces, |piece, (keys, next)| {
+        input.executor.for_each(&mut chunks, |chunk, (keys, next)| {
             let mut write = |key: u32, id: usize, row: Xyzr| {
                 let slot = &mut next[(key >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, chunk) give every sphere a distinct slot below their
@@ -135,7 +136,7 @@ impl Sorter {
                 unsafe { entries.write(*slot as usize, SortRecord { row, id: id as u32, key }) };
                 *slot += 1;
             };
-            input.test.for_rows(WriteRows { keys, first: piece * size, write: &mut write });
+            input.test.for_rows(WriteRows { keys, first: chunk * size, write: &mut write });
         });
         Ok(())
     }

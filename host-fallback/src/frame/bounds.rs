@@ -20,14 +20,14 @@ impl Bounds {
         let sets = [Some(query.first()), query.second()];
         sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
             let count = set.len();
-            let piece = |mut bounds: Self, piece: usize| {
-                let range = piece * CHUNK_SPHERES..count.min((piece + 1) * CHUNK_SPHERES);
+            let fold_chunk = |mut bounds: Self, chunk: usize| {
+                let range = chunk * CHUNK_SPHERES..count.min((chunk + 1) * CHUNK_SPHERES);
                 range.for_each(|k| bounds.add(set.get_f64(k)));
                 Ok(bounds)
             };
             let merge = |a: Self, b: Self| Ok::<_, std::convert::Infallible>(a.merge(b));
-            let pieces = Chunks::unlimited(count.div_ceil(CHUNK_SPHERES));
-            let Ok(of_set) = executor.for_light_work(count).fold(pieces, || Self::EMPTY, piece, merge);
+            let chunks = Chunks::unlimited(count.div_ceil(CHUNK_SPHERES));
+            let Ok(of_set) = executor.for_light_work(count).fold(chunks, || Self::EMPTY, fold_chunk, merge);
             bounds.merge(of_set)
         })
     }

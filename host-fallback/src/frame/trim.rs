@@ -118,8 +118,8 @@ impl FreeExtent {
 
     /// Level 0 has the exponent `largest`.
     fn count_levels(&self, rows: &RowsByIndex<'_>, largest: u64, executor: Executor) -> [u32; EXPONENTS] {
-        let piece = |mut levels: [u32; EXPONENTS], piece: usize| {
-            for k in piece * CHUNK_SPHERES..rows.count.min((piece + 1) * CHUNK_SPHERES) {
+        let fold_chunk = |mut levels: [u32; EXPONENTS], chunk: usize| {
+            for k in chunk * CHUNK_SPHERES..rows.count.min((chunk + 1) * CHUNK_SPHERES) {
                 let level = largest.saturating_sub(exponent(self.of(&(rows.get)(k))));
                 levels[level as usize] += 1;
             }
@@ -129,8 +129,9 @@ impl FreeExtent {
             a.iter_mut().zip(b).for_each(|(sum, count)| *sum += count);
             Ok::<_, std::convert::Infallible>(a)
         };
-        let pieces = Chunks::unlimited(rows.count.div_ceil(CHUNK_SPHERES));
-        let Ok(levels) = executor.for_light_work(rows.count).fold(pieces, || [0; EXPONENTS], piece, merge);
+        let chunks = Chunks::unlimited(rows.count.div_ceil(CHUNK_SPHERES));
+        let Ok(levels) =
+            executor.for_light_work(rows.count).fold(chunks, || [0; EXPONENTS], fold_chunk, merge);
         levels
     }
 

@@ -1,12 +1,12 @@
 //! The paper's ArrayGrid: (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
 
 use super::cell::Batch;
-use super::entries::{Entries, KeyLayout, Visit, cells_of_piece, memory_of_entries, most_entries, runs};
+use super::entries::{Entries, KeyLayout, Visit, cells_of_chunk, memory_of_entries, most_entries, runs};
 use super::overfull_cells::OverfullCells;
 use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::Output;
-use crate::input::{Division, SearchInput, search_pieces};
+use crate::input::{Division, SearchInput, search_chunks};
 use crate::radix::{KeyedSphere, RadixKey};
 use crate::report::Report;
 
@@ -52,9 +52,9 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
 
     fn visit<K: RadixKey>(self, entries: &[KeyedSphere<K>], _: KeyLayout) -> Self::Result {
         let Self { grid, input, output } = self;
-        let pieces = entries.len().div_ceil(CHUNK_ENTRIES);
-        search_pieces(output, input, pieces, usize::MAX, |sink, piece| {
-            cells(grid, cells_of_piece(entries, piece, CHUNK_ENTRIES), input, output, sink)
+        let chunks = entries.len().div_ceil(CHUNK_ENTRIES);
+        search_chunks(output, input, chunks, usize::MAX, |sink, chunk| {
+            cells(grid, cells_of_chunk(entries, chunk, CHUNK_ENTRIES), input, output, sink)
         })
     }
 }

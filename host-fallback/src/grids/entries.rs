@@ -196,10 +196,10 @@ impl<K: RadixKey> EntryBuffers<'_, K> {
             }
             return Ok(true);
         }
-        let range = |piece: usize| piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
+        let range = |chunk: usize| chunk * CHUNK_SPHERES..n.min((chunk + 1) * CHUNK_SPHERES);
         try_resize(offsets, n.div_ceil(CHUNK_SPHERES), "counting entries of cells")?;
-        executor.for_each(offsets, |piece, count| {
-            *count = range(piece).filter_map(&sphere).map(|(cover, ..)| cover.cells()).sum();
+        executor.for_each(offsets, |chunk, count| {
+            *count = range(chunk).filter_map(&sphere).map(|(cover, ..)| cover.cells()).sum();
         });
         let total = accumulate(offsets);
         if total > most {
@@ -207,9 +207,9 @@ impl<K: RadixKey> EntryBuffers<'_, K> {
         }
         try_resize(entries, total, "entries of cells")?;
         let mut targets = split_at(entries, offsets.iter().copied())?;
-        executor.for_each(&mut targets, |piece, target| {
+        executor.for_each(&mut targets, |chunk, target| {
             let mut slots = target.iter_mut();
-            for (cover, masks, id) in range(piece).filter_map(&sphere) {
+            for (cover, masks, id) in range(chunk).filter_map(&sphere) {
                 cover.for_each(|cell, corner_mask| {
                     if let Some(slot) = slots.next() {
                         *slot = KeyedSphere { key: layout.key(wrap(cell), corner_mask & masks), id };
@@ -250,10 +250,10 @@ fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     last + window.partition_point(|entry| entry.cell() == cell)
 }
 
-/// Moves both ends of a piece to ends of cells.
-pub(crate) fn cells_of_piece<K: RadixKey>(
+/// Moves both ends of a chunk to ends of cells.
+pub(crate) fn cells_of_chunk<K: RadixKey>(
     entries: &[KeyedSphere<K>],
-    piece: usize,
+    chunk: usize,
     size: usize,
 ) -> &[KeyedSphere<K>] {
     let cut = |at: usize| match at {
@@ -262,5 +262,5 @@ pub(crate) fn cells_of_piece<K: RadixKey>(
         _ if entries[at - 1].cell() == entries[at].cell() => run_end(entries, at),
         _ => at,
     };
-    &entries[cut(piece * size)..cut((piece + 1) * size)]
+    &entries[cut(chunk * size)..cut((chunk + 1) * size)]
 }

@@ -14,7 +14,7 @@ use super::workspace::{Workspaces, most_members};
 use crate::Error;
 use crate::compare::Output;
 use crate::disjoint_writes::{shared, split_at};
-use crate::input::{Division, SearchInput, search_pieces};
+use crate::input::{Division, SearchInput, search_chunks};
 use crate::memory::{try_push, try_resize, with_growth};
 use crate::report::Report;
 
@@ -92,8 +92,8 @@ impl HashGrid {
         try_resize(&mut self.offsets, n.div_ceil(CHUNK_SPHERES), "counting entries of cells")?;
         loop {
             let cells = |id| cover::<PERIODIC>(input, &grid, id).cells();
-            input.executor.for_each(&mut self.offsets, |piece, count| {
-                *count = spheres(input, piece).map(cells).sum();
+            input.executor.for_each(&mut self.offsets, |chunk, count| {
+                *count = spheres(input, chunk).map(cells).sum();
             });
             let total = accumulate(&mut self.offsets);
             if total <= most.min(END as usize - 1) {
@@ -118,10 +118,10 @@ impl HashGrid {
         let shift = shift(heads.len());
         let heads = shared(heads);
         let mut targets = split_at(entries, offsets.iter().copied())?;
-        input.executor.for_each(&mut targets, |piece, target| {
-            let mut number = if piece == 0 { 0 } else { offsets[piece - 1] as u32 };
+        input.executor.for_each(&mut targets, |chunk, target| {
+            let mut number = if chunk == 0 { 0 } else { offsets[chunk - 1] as u32 };
             let mut slots = target.iter_mut();
-            for id in spheres(input, piece) {
+            for id in spheres(input, chunk) {
                 cover::<PERIODIC>(input, grid, id).for_each(|cell, corner_mask| {
                     let cell = grid.wrap::<PERIODIC>(cell);
                     if let Some(slot) = slots.next() {
@@ -140,10 +140,10 @@ impl HashGrid {
         input: &SearchInput<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        let pieces = self.heads.len().div_ceil(CHUNK_CHAINS);
+        let chunks = self.heads.len().div_ceil(CHUNK_CHAINS);
         let search = Search { grid: self, input, output };
-        search_pieces(output, input, pieces, usize::MAX, |sink, piece| {
-            let heads = &self.heads[piece * CHUNK_CHAINS..self.heads.len().min((piece + 1) * CHUNK_CHAINS)];
+        search_chunks(output, input, chunks, usize::MAX, |sink, chunk| {
+            let heads = &self.heads[chunk * CHUNK_CHAINS..self.heads.len().min((chunk + 1) * CHUNK_CHAINS)];
             self.chains.lend(|chain| search.chains(heads, chain, sink))
         })
     }
@@ -211,8 +211,8 @@ impl<'o, O: Output> Search<'_, 'o, O> {
     }
 }
 
-fn spheres<'i>(input: &'i SearchInput<'_>, piece: usize) -> impl Iterator<Item = u32> + 'i {
-    let range = piece * CHUNK_SPHERES..input.stats.spheres.min((piece + 1) * CHUNK_SPHERES);
+fn spheres<'i>(input: &'i SearchInput<'_>, chunk: usize) -> impl Iterator<Item = u32> + 'i {
+    let range = chunk * CHUNK_SPHERES..input.stats.spheres.min((chunk + 1) * CHUNK_SPHERES);
     let grouping = input.grouping(Division::ByPartners);
     let paired = grouping.paired();
     range.filter(move |&k| paired >> grouping.of(k) & 1 == 1).map(|k| k as u32)

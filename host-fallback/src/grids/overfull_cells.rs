@@ -8,7 +8,7 @@ use super::cell::{
 use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::{Columns, Output, PairTest, ScanInput, SimdTask, SimdWidth, Sink, scan};
-use crate::input::{Division, Grouping, SearchInput, search_pieces};
+use crate::input::{Division, Grouping, SearchInput, search_chunks};
 use crate::memory::{try_collect, try_push, with_growth};
 
 /// Spheres per tile, so that its columns stay near the first-level cache.
@@ -137,9 +137,9 @@ impl OverfullCell {
         for (corner_mask, partners) in partners.iter().enumerate() {
             for &partners in *partners {
                 let (of, with) = (range(of, (corner_mask, corner_mask + 1)), range(with, partners));
-                for tile in pieces(of, TILE) {
+                for tile in tiles(of, TILE) {
                     let with = with.start.max(tile.start)..with.end;
-                    for with in pieces(with, ROW) {
+                    for with in tiles(with, ROW) {
                         let row = TileRow { of: tile.clone(), with };
                         try_push(&mut self.rows, row, "tiles of an overfull cell")?;
                     }
@@ -161,7 +161,7 @@ impl OverfullCell {
         if comparisons < MIN_PARALLEL_COMPARISONS {
             return (0..self.rows.len()).try_fold(sink, compare);
         }
-        sink.merge(search_pieces(output, input, self.rows.len(), 1, compare)?)
+        sink.merge(search_chunks(output, input, self.rows.len(), 1, compare)?)
     }
 }
 
@@ -175,14 +175,14 @@ impl TileRow {
         let Self { of, with } = self;
         let rest = with.start.max(of.end)..with.end.max(of.end);
         let (own, fetched) = (of.len(), of.len() + rest.len());
-        let place = |k: usize| if k < own { of.start + k } else { rest.start + k - own };
-        columns.gather(test, (0..fetched).map(|k| id(place(k))))?;
+        let position = |k: usize| if k < own { of.start + k } else { rest.start + k - own };
+        columns.gather(test, (0..fetched).map(|k| id(position(k))))?;
         let local = |at: usize| if at < of.end { at - of.start } else { at - rest.start + own };
         Ok(Self { of: 0..own, with: local(with.start)..local(with.end) })
     }
 }
 
-fn pieces(range: Range<usize>, size: usize) -> impl Iterator<Item = Range<usize>> {
+fn tiles(range: Range<usize>, size: usize) -> impl Iterator<Item = Range<usize>> {
     let end = range.end;
     range.step_by(size).map(move |from| from..end.min(from + size))
 }
@@ -200,7 +200,7 @@ impl<S: Sink> SimdTask for TileTask<'_, S> {
     #[inline(always)]
     fn run<V: SimdWidth>(self, vector: V) {
         let Self { columns, test, row, sink } = self;
-        for tile in pieces(row.with.clone(), TILE) {
+        for tile in tiles(row.with.clone(), TILE) {
             for at in row.of.clone() {
                 let run = tile.start.max(at + 1)..tile.end;
                 if !run.is_empty() {

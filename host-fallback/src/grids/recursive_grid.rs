@@ -13,7 +13,7 @@ use glam::{DVec3, UVec3, Vec3};
 
 use super::cell::{Batch, CellMember, owns_pairs};
 use super::entries::{
-    ENTRY, Entries, EntryBuffers, KeyLayout, SphereCells, Visit, cells_of_piece, memory_of_entries,
+    ENTRY, Entries, EntryBuffers, KeyLayout, SphereCells, Visit, cells_of_chunk, memory_of_entries,
     most_entries, runs,
 };
 use super::nested_cell::{FinerCells, NestedCell};
@@ -22,7 +22,7 @@ use super::uniform_grid::UniformGrid;
 use super::workspace::{Workspaces, most_members};
 use crate::Error;
 use crate::compare::{Output, Sink};
-use crate::input::{Division, SearchInput, search_pieces};
+use crate::input::{Division, SearchInput, search_chunks};
 use crate::memory::{try_extend, try_reserve};
 use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
@@ -202,15 +202,15 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         cell: impl Fn(K) -> NestedCell + Sync,
         sink: O::Sink<'o>,
     ) -> Result<O::Sink<'o>, Error> {
-        let piece = |sink: O::Sink<'o>, piece: usize| {
+        let fold_chunk = |sink: O::Sink<'o>, chunk: usize| {
             self.grid
                 .splits
-                .lend(|split| self.cells(cells_of_piece(entries, piece, CHUNK_ENTRIES), &cell, split, sink))
+                .lend(|split| self.cells(cells_of_chunk(entries, chunk, CHUNK_ENTRIES), &cell, split, sink))
         };
         match entries.len().div_ceil(CHUNK_ENTRIES) {
             0 | 1 if sink.stopped() => Ok(sink),
-            pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece)?.checked(),
-            pieces => sink.merge(search_pieces(self.output, self.input, pieces, usize::MAX, piece)?),
+            chunks @ (0 | 1) => (0..chunks).try_fold(sink, fold_chunk)?.checked(),
+            chunks => sink.merge(search_chunks(self.output, self.input, chunks, usize::MAX, fold_chunk)?),
         }
     }
 

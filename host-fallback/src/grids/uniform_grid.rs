@@ -139,8 +139,8 @@ impl UniformGrid {
             if low == high { MAX_SHIFTS } else { (-high).rem_euclid(shifts as i64) as usize }
         };
         type Counts = [[[u64; MAX_SHIFTS + 1]; MAX_SHIFTS + 1]; MAX_SHIFTS + 1];
-        let count = |mut counts: Counts, piece: usize| {
-            for k in piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES) {
+        let count = |mut counts: Counts, chunk: usize| {
+            for k in chunk * CHUNK_SPHERES..n.min((chunk + 1) * CHUNK_SPHERES) {
                 let (center, radius) = sphere(k);
                 let (low, high) = self.bounds::<PERIODIC>(center, radius);
                 counts[at(low.x, high.x)][at(low.y, high.y)][at(low.z, high.z)] += 1;

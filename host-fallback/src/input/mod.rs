@@ -15,7 +15,7 @@ pub(crate) use center_bounds::CenterBounds;
 pub(crate) use grouping::{Grouping, sort_by_group};
 pub(crate) use input_spheres::{InputLoop, InputRows, InputSpheres};
 pub use query::{Preparation, PreparedQuery, QueryBuffers, check};
-pub(crate) use search_input::{SearchInput, search_pieces};
+pub(crate) use search_input::{SearchInput, search_chunks};
 pub use species_groups::SpeciesGroups;
 pub use species_partition::SpeciesPartition;
 pub(crate) use species_partition::{Division, MAX_GROUPS, Meeting};

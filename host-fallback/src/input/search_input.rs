@@ -55,17 +55,22 @@ impl<'a> SearchInput<'a> {
 }
 
 /// Merges sinks in order, until the caller stops. A task has at most `most` chunks.
-pub(crate) fn search_pieces<'o, O: Output>(
+pub(crate) fn search_chunks<'o, O: Output>(
     output: &'o O,
     input: &SearchInput<'_>,
-    pieces: usize,
+    chunks: usize,
     most: usize,
     search: impl Fn(O::Sink<'o>, usize) -> Result<O::Sink<'o>, Error> + Send + Sync,
 ) -> Result<O::Sink<'o>, Error> {
-    let piece = |sink: O::Sink<'o>, piece| match sink.stopped() {
+    let fold_chunk = |sink: O::Sink<'o>, chunk| match sink.stopped() {
         _ if input.is_stopped() => Err(Error::Cancelled),
         true => Ok(sink),
-        false => search(sink, piece)?.checked(),
+        false => search(sink, chunk)?.checked(),
     };
-    input.executor.fold(Chunks { count: pieces, most_per_task: most }, || output.open(), piece, Sink::merge)
+    input.executor.fold(
+        Chunks { count: chunks, most_per_task: most },
+        || output.open(),
+        fold_chunk,
+        Sink::merge,
+    )
 }

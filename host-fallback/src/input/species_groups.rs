@@ -125,8 +125,8 @@ fn has(present: &[u64; WORDS], species: u32) -> bool {
 }
 
 fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; WORDS], Error> {
-    let piece = |mut seen: [u64; WORDS], piece: usize| {
-        let ids = &ids[piece * CHUNK_SPHERES..ids.len().min((piece + 1) * CHUNK_SPHERES)];
+    let fold_chunk = |mut seen: [u64; WORDS], chunk: usize| {
+        let ids = &ids[chunk * CHUNK_SPHERES..ids.len().min((chunk + 1) * CHUNK_SPHERES)];
         if species <= 64 {
             seen[0] |= ids.iter().fold(0, |seen, id| seen | 1 << (id % 64));
         } else {
@@ -138,8 +138,8 @@ fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; W
         a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
         Ok(a)
     };
-    let pieces = Chunks::unlimited(ids.len().div_ceil(CHUNK_SPHERES));
-    executor.for_light_work(ids.len()).fold(pieces, || [0; WORDS], piece, merge)
+    let chunks = Chunks::unlimited(ids.len().div_ceil(CHUNK_SPHERES));
+    executor.for_light_work(ids.len()).fold(chunks, || [0; WORDS], fold_chunk, merge)
 }
 
 #[cfg(test)]

@@ -45,12 +45,12 @@ fn find(
     bad: impl Fn(usize) -> bool + Sync + Send,
 ) -> Result<(Option<u32>, u64), InputError> {
     let merge = |(a, m): (Option<u32>, u64), (b, n)| Ok((a.or(b), m + n));
-    let piece = |sum, piece: usize| {
-        let range = piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
+    let fold_chunk = |sum, chunk: usize| {
+        let range = chunk * CHUNK_SPHERES..n.min((chunk + 1) * CHUNK_SPHERES);
         // The count is nearly always 0, and a sum without a branch is vectorized.
         let count = range.clone().map(|i| u64::from(bad(i))).sum::<u64>();
         let first = if count == 0 { None } else { range.clone().find(|&i| bad(i)).map(|i| i as u32) };
         merge(sum, (first, count))
     };
-    executor.fold(Chunks::unlimited(n.div_ceil(CHUNK_SPHERES)), || (None, 0), piece, merge)
+    executor.fold(Chunks::unlimited(n.div_ceil(CHUNK_SPHERES)), || (None, 0), fold_chunk, merge)
 }

@@ -131,8 +131,8 @@ impl PairSorter {
         let ordered = self.spread(executor, layout, chunks, keys).and_then(|()| {
             let ends = self.starts[1..].iter().copied();
             let (targets, sources) = (split_at(out, ends.clone())?, split_at(keys, ends)?);
-            let mut pieces = try_collect(targets.into_iter().zip(sources), "buckets of pairs")?;
-            executor.for_each(&mut pieces, |bucket, (target, source)| {
+            let mut bucket_slices = try_collect(targets.into_iter().zip(sources), "buckets of pairs")?;
+            executor.for_each(&mut bucket_slices, |bucket, (target, source)| {
                 order_bucket(source, target, bucket, layout)
             });
             Ok(())
@@ -150,14 +150,16 @@ impl PairSorter {
     ) -> Result<(), Error> {
         let Self { starts, offsets, .. } = self;
         let buckets = layout.buckets;
-        let share = chunks.len().div_ceil(MAX_CHUNKS).max(1);
-        let pieces = chunks.len().div_ceil(share);
-        let piece = |k: usize| chunks[k * share..chunks.len().min((k + 1) * share)].iter().copied().flatten();
-        try_resize(offsets, pieces * buckets, "buckets of pairs")?;
+        let chunks_per_task = chunks.len().div_ceil(MAX_CHUNKS).max(1);
+        let tasks = chunks.len().div_ceil(chunks_per_task);
+        let task_pairs = |k: usize| {
+            chunks[k * chunks_per_task..chunks.len().min((k + 1) * chunks_per_task)].iter().copied().flatten()
+        };
+        try_resize(offsets, tasks * buckets, "buckets of pairs")?;
         let mut rows = try_collect(offsets.chunks_mut(buckets), "buckets of pairs")?;
         executor.for_each(&mut rows, |k, counts| {
             counts.fill(0);
-            for &pair in piece(k) {
+            for &pair in task_pairs(k) {
                 counts[layout.bucket(pair)] += 1;
             }
         });
@@ -173,7 +175,7 @@ impl PairSorter {
 
         let keys = DisjointSlice::new(keys);
         executor.for_each(&mut rows, |k, next| {
-            for &pair in piece(k) {
+            for &pair in task_pairs(k) {
                 let slot = &mut next[layout.bucket(pair)];
                 // SAFETY: the exclusive prefix sums over (bucket, chunk) give every pair a distinct slot below the
                 // number of all pairs, the length of `keys`.
@@ -240,8 +242,8 @@ fn starts(counts: &mut [u32], positions: &mut [u32]) {
 mod tests {
     use super::*;
 
-    fn check(spheres: u32, pairs: Vec<Pair>, pieces: usize) {
-        let chunks: Vec<&[Pair]> = pairs.chunks(pieces).collect();
+    fn check(spheres: u32, pairs: Vec<Pair>, chunk_size: usize) {
+        let chunks: Vec<&[Pair]> = pairs.chunks(chunk_size).collect();
         let mut expected = pairs.clone();
         expected.sort_unstable();
         let (mut sorter, mut out) = (PairSorter::default(), Vec::new());

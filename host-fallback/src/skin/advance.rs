@@ -28,8 +28,8 @@ pub(super) fn advance(
 ) -> (f32, bool) {
     let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
     let all_bounds = Mutex::new(Bounds::EMPTY);
-    executor.for_each_chunk(rows, CHUNK_SPHERES, |piece, rows| {
-        let then = &then[piece * CHUNK_SPHERES..][..rows.len()];
+    executor.for_each_chunk(rows, CHUNK_SPHERES, |chunk, rows| {
+        let then = &then[chunk * CHUNK_SPHERES..][..rows.len()];
         let largest = simd.run(Advance { test, input, then, rows }, None);
         // The bits of non-negative numbers are ordered like the numbers.
         farthest.fetch_max(largest.fraction_squared().to_bits(), Relaxed);

@@ -13,7 +13,7 @@ use crate::compare::{
     memory_of_list, pair_at,
 };
 use crate::frame::SearchFrame;
-use crate::input::{InputStats, SearchInput, SpeciesGroups, search_pieces};
+use crate::input::{InputStats, SearchInput, SpeciesGroups, search_chunks};
 use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
@@ -167,14 +167,14 @@ impl CandidateList {
         self.species.copy_from_slice(ids);
         self.species_version = input.groups.map_or(0, SpeciesGroups::version);
         let (order, test) = (&self.order, &input.test);
-        input.executor.for_each_chunk(&mut self.rows, CHUNK_SPHERES, |piece, rows| {
-            for (row, &id) in rows.iter_mut().zip(&order[piece * CHUNK_SPHERES..]) {
+        input.executor.for_each_chunk(&mut self.rows, CHUNK_SPHERES, |chunk, rows| {
+            for (row, &id) in rows.iter_mut().zip(&order[chunk * CHUNK_SPHERES..]) {
                 *row = test.row(id);
             }
         });
         let (rows, inverse) = (&self.rows, &self.inverse);
-        input.executor.for_each_chunk(list.notes_mut(), CHUNK_SPHERES, |piece, notes| {
-            let range = piece * CHUNK_SPHERES..;
+        input.executor.for_each_chunk(list.notes_mut(), CHUNK_SPHERES, |chunk, notes| {
+            let range = chunk * CHUNK_SPHERES..;
             for ((note, &[x, y, z, radius]), &id) in
                 notes.iter_mut().zip(&rows[range.clone()]).zip(&order[range])
             {
@@ -190,7 +190,7 @@ impl CandidateList {
         input: &SearchInput<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
-        search_pieces(output, input, self.chunks.len(), usize::MAX, |mut sink, k| {
+        search_chunks(output, input, self.chunks.len(), usize::MAX, |mut sink, k| {
             let Self { rows, order, chunks, .. } = self;
             let (pairs, test) = (&chunks[k], &input.test);
             input.run(CandidateTest { pairs, rows, order, test, sink: &mut sink });

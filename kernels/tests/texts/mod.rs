@@ -33,10 +33,10 @@ fn name_of(kernel: &Kernel, variant: Variant) -> String {
 
 fn simulator() -> Vec<Text> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../simulator/src/gpu/shader");
-    let (sources, pieces) = (sources(&folder), sources(&folder.join("shared")));
-    let pieces: Vec<_> = pieces.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
+    let (sources, includes) = (sources(&folder), sources(&folder.join("shared")));
+    let includes: Vec<_> = includes.iter().map(|(name, text)| (name.as_str(), text.as_str())).collect();
     let text = |(name, source): &(String, String)| {
-        let wgsl = wgsl::expand(source, &pieces, &|name| name == "STANDARD");
+        let wgsl = wgsl::expand(source, &includes, &|name| name == "STANDARD");
         Text { name: format!("simulator-{name}"), wgsl }
     };
     sources.iter().map(text).collect()

@@ -37,20 +37,20 @@ struct Entry {
     distance: f64,
 }
 
-pub(super) struct Slots<'s> {
+pub(super) struct OutputSlices<'s> {
     pub pairs: &'s mut [Pair],
     pub shifts: &'s mut [[i32; 3]],
     pub vectors: &'s mut [[f64; 3]],
     pub distances: &'s mut [f64],
 }
 
-impl<'s> Slots<'s> {
+impl<'s> OutputSlices<'s> {
     fn split(self, at: usize) -> (Self, Self) {
-        fn part<T>(all: &mut [T], at: usize) -> (&mut [T], &mut [T]) {
+        fn split_clamped<T>(all: &mut [T], at: usize) -> (&mut [T], &mut [T]) {
             all.split_at_mut(at.min(all.len()))
         }
-        let (pairs, shifts) = (part(self.pairs, at), part(self.shifts, at));
-        let (vectors, distances) = (part(self.vectors, at), part(self.distances, at));
+        let (pairs, shifts) = (split_clamped(self.pairs, at), split_clamped(self.shifts, at));
+        let (vectors, distances) = (split_clamped(self.vectors, at), split_clamped(self.distances, at));
         let first = Self { pairs: pairs.0, shifts: shifts.0, vectors: vectors.0, distances: distances.0 };
         (first, Self { pairs: pairs.1, shifts: shifts.1, vectors: vectors.1, distances: distances.1 })
     }
@@ -92,31 +92,35 @@ fn length_of(vector: [f64; 3]) -> f64 {
     image.length()
 }
 
-pub(super) struct Piece<'s> {
+pub(super) struct RowChunk<'s> {
     rows: Range<usize>,
-    slots: Slots<'s>,
+    slices: OutputSlices<'s>,
     counts: &'s mut [u64],
     pub start: usize,
     pub filled: usize,
     pub too_far: Option<Neighbor>,
 }
 
-impl<'s> Piece<'s> {
-    pub(super) fn all(fill: &Fill<'_>, all: Slots<'s>, counts: &'s mut [u64]) -> Result<Vec<Self>, Error> {
-        let mut pieces = try_collect([].into_iter(), "pieces of a list")?;
-        let (mut slots, mut start) = (all, 0);
-        for (piece, counts) in counts.chunks_mut(CHUNK_ROWS).enumerate() {
-            let rows = piece * CHUNK_ROWS..piece * CHUNK_ROWS + counts.len();
+impl<'s> RowChunk<'s> {
+    pub(super) fn all(
+        fill: &Fill<'_>,
+        all: OutputSlices<'s>,
+        counts: &'s mut [u64],
+    ) -> Result<Vec<Self>, Error> {
+        let mut chunks = try_collect([].into_iter(), "pieces of a list")?;
+        let (mut slices, mut start) = (all, 0);
+        for (chunk, counts) in counts.chunks_mut(CHUNK_ROWS).enumerate() {
+            let rows = chunk * CHUNK_ROWS..chunk * CHUNK_ROWS + counts.len();
             let offsets = fill.candidates.offsets();
             let found = (offsets[rows.end] - offsets[rows.start]) as usize;
             let count = found + if fill.options.has_self { rows.len() } else { 0 };
-            let (own, rest) = slots.split(count);
-            slots = rest;
-            let piece = Self { rows, slots: own, counts, start, filled: 0, too_far: None };
-            try_push(&mut pieces, piece, "pieces of a list")?;
+            let (own, rest) = slices.split(count);
+            slices = rest;
+            let chunk = Self { rows, slices: own, counts, start, filled: 0, too_far: None };
+            try_push(&mut chunks, chunk, "pieces of a list")?;
             start += count;
         }
-        Ok(pieces)
+        Ok(chunks)
     }
 
     pub(super) fn fill(&mut self, fill: &Fill<'_>) {
@@ -166,7 +170,7 @@ impl<'s> Piece<'s> {
                     self.take(&entry);
                 }
             } else if !is_open || fill.is_closer(i, j, vector) {
-                self.slots.put_near(self.filled, Pair { i, j }, vector);
+                self.slices.put_near(self.filled, Pair { i, j }, vector);
                 self.filled += 1;
             }
         }
@@ -177,7 +181,7 @@ impl<'s> Piece<'s> {
         if entry.bond.shift.iter().any(|&count| count == i32::MIN || count == i32::MAX) {
             self.too_far.get_or_insert(Neighbor { i: entry.pair.i, j: entry.pair.j });
         }
-        self.slots.put(self.filled, entry);
+        self.slices.put(self.filled, entry);
         self.filled += 1;
     }
 }

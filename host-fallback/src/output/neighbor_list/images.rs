@@ -225,9 +225,9 @@ impl Spread {
             if axis >= lattice.rank() {
                 return [0.0; 2];
             }
-            let ([from, to], part) = (self.fractions[axis], cutoff / heights[axis]);
+            let ([from, to], margin) = (self.fractions[axis], cutoff / heights[axis]);
             let fraction = folded.fractions[axis];
-            [(from - part - fraction).ceil(), (to + part - fraction).floor()]
+            [(from - margin - fraction).ceil(), (to + margin - fraction).floor()]
         })
     }
 }

@@ -19,7 +19,7 @@ use crate::disjoint_writes::close_gaps;
 use crate::executor::{Executor, Team};
 use crate::memory::try_resize;
 use crate::output::NeighborsBuilder;
-use fill::{Fill, Neighbor, Piece, Slots};
+use fill::{Fill, Neighbor, OutputSlices, RowChunk};
 
 const CHUNK_ROWS: usize = 1 << 9;
 const CHUNK_SPHERES: usize = 1 << 13;
@@ -157,7 +157,7 @@ impl NeighborListBuilder {
         let (first, second) = (&*first, if contact.query.second().is_some() { &*second } else { &*first });
         let filter = images.and_then(|_| PairFilter::new(*contact.query, None));
         let fill = Fill { contact, first, second, images, options, filter, candidates };
-        let all = Slots {
+        let all = OutputSlices {
             pairs: &mut self.pairs,
             shifts: &mut self.shifts,
             vectors: &mut self.vectors,
@@ -165,23 +165,23 @@ impl NeighborListBuilder {
         };
         self.offsets[0] = 0;
         let (_, counts) = self.offsets.split_at_mut(1);
-        let mut pieces = Piece::all(&fill, all, counts)?;
+        let mut chunks = RowChunk::all(&fill, all, counts)?;
         team.pass(entries, |executor| {
-            executor.for_each(&mut pieces, |_, piece| {
+            executor.for_each(&mut chunks, |_, chunk| {
                 if !contact.is_stopped() {
-                    piece.fill(&fill);
+                    chunk.fill(&fill);
                 }
             });
             contact.check_stop()
         })?;
         if options.shifts
-            && let Some(Neighbor { i, j }) = pieces.iter().find_map(|piece| piece.too_far)
+            && let Some(Neighbor { i, j }) = chunks.iter().find_map(|chunk| chunk.too_far)
         {
             return Err(InputError::Shift { i, j }.into());
         }
-        let filled = pieces.iter().map(|piece| (piece.start, piece.filled));
+        let filled = chunks.iter().map(|chunk| (chunk.start, chunk.filled));
         let filled = crate::memory::try_collect(filled, WHAT)?;
-        drop(pieces);
+        drop(chunks);
         self.close(&filled);
         Ok(NeighborList {
             offsets: &self.offsets,
