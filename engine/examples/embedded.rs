@@ -91,9 +91,9 @@ fn simulator_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn Error>> {
 
 fn simulator_spheres(device: &wgpu::Device, queue: &wgpu::Queue) -> wgpu::Buffer {
     // Spheres fill 5 % of the box.
-    let edge = (f64::from(SPHERES) * 4.19 * 0.125 / 0.05).cbrt() as f32;
+    let side = (f64::from(SPHERES) * 4.19 * 0.125 / 0.05).cbrt() as f32;
     let spheres: Vec<Sphere> =
-        (0..SPHERES).map(|k| Sphere::new([1, 2, 3].map(|axis| unit(3 * k + axis) * edge), 0.5)).collect();
+        (0..SPHERES).map(|k| Sphere::new([1, 2, 3].map(|axis| unit(3 * k + axis) * side), 0.5)).collect();
     let buffer = buffer(device, "spheres", u64::from(SPHERES) * 16, wgpu::BufferUsages::COPY_DST);
     queue.write_buffer(&buffer, 0, bytemuck::cast_slice(&spheres));
     buffer

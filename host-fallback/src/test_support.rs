@@ -35,8 +35,9 @@ pub(crate) fn inputs() -> Vec<(&'static str, Vec<Sphere>)> {
         spheres
     };
     let powers = |random: &mut Random, steps: u64| (-((random.next() % steps) as f32)).exp2();
-    let lattice =
-        |edge: f32| many(512, 0, |_, k| ([k / 64, k / 8 % 8, k % 8].map(|c| edge * c as f32), edge / 2.0));
+    let lattice = |spacing: f32| {
+        many(512, 0, |_, k| ([k / 64, k / 8 % 8, k % 8].map(|c| spacing * c as f32), spacing / 2.0))
+    };
     vec![
         ("none", Vec::new()),
         ("one", many(1, 0, |_, _| ([1.0; 3], 1.0))),
@@ -107,10 +108,11 @@ fn spaces(spheres: &[Sphere]) -> Vec<Space> {
     let corners = (Vec3::INFINITY, Vec3::NEG_INFINITY);
     let (min, max) = spheres.iter().fold(corners, |(a, b), s| (a.min(s.center), b.max(s.center)));
     let extent = (max.as_dvec3() - min.as_dvec3()).max_element().max(1e-44);
-    let space = |shares: [f64; 3]| {
-        let length =
-            |share: f64| (share > 0.0).then_some(f64::from((share * extent).min(f64::from(f32::MAX)) as f32));
-        Space::periodic(shares.map(length)).unwrap_or_default()
+    let space = |fractions: [f64; 3]| {
+        let length = |fraction: f64| {
+            (fraction > 0.0).then_some(f64::from((fraction * extent).min(f64::from(f32::MAX)) as f32))
+        };
+        Space::periodic(fractions.map(length)).unwrap_or_default()
     };
     [[1.0, 1.0, 1.0], [0.37, 0.0, 0.81], [0.0, 0.0, 0.11], [3.0, 1.7, 0.02]].map(space).into()
 }

@@ -170,14 +170,14 @@ impl Scope<'_> {
     }
 
     /// Returns `true` if no iteration changes the value.
-    fn is_fixed(&self, value: Value, parts: [&Block; 2]) -> bool {
+    fn is_fixed(&self, value: Value, blocks: [&Block; 2]) -> bool {
         let mut made_inside = HashSet::new();
-        parts.iter().for_each(|part| collect_made(part, &mut made_inside));
-        self.is_made_of_fixed(value, &made_inside, parts)
+        blocks.iter().for_each(|block| collect_made(block, &mut made_inside));
+        self.is_made_of_fixed(value, &made_inside, blocks)
     }
 
-    fn is_made_of_fixed(&self, value: Value, inside: &HashSet<Value>, parts: [&Block; 2]) -> bool {
-        let fixed = |value: &Value| self.is_made_of_fixed(*value, inside, parts);
+    fn is_made_of_fixed(&self, value: Value, inside: &HashSet<Value>, blocks: [&Block; 2]) -> bool {
+        let fixed = |value: &Value| self.is_made_of_fixed(*value, inside, blocks);
         if !inside.contains(&value) {
             return true;
         }
@@ -195,7 +195,7 @@ impl Scope<'_> {
                     _ => false,
                 },
                 Expression::LocalVariable(local) => {
-                    parts.iter().all(|part| !self.changes(part, local)) && fixed(pointer)
+                    blocks.iter().all(|block| !self.changes(block, local)) && fixed(pointer)
                 }
                 _ => false,
             },

@@ -60,13 +60,13 @@ pub fn cases(effort: Effort) -> Vec<SceneCase> {
     for &n in sizes {
         for scene in Scene::ALL.into_iter().filter(|scene| *scene != Scene::Point) {
             let spheres = scene.spheres(n, 1);
-            let edge = spheres.iter().map(|sphere| sphere.center.x).fold(0.0, f32::max);
-            let space = periodic::space([Some(edge), None, Some(1.5 * edge)]);
+            let side = spheres.iter().map(|sphere| sphere.center.x).fold(0.0, f32::max);
+            let space = periodic::space([Some(side), None, Some(1.5 * side)]);
             cases.push(case(&format!("{n} spheres, {scene}"), spheres.clone().into()));
             let periodic = TestInput { space, ..spheres.clone().into() };
             cases.push(case(&format!("{n} spheres, {scene}, periodic"), periodic));
             if scene == Scene::FiveSizes {
-                let vectors = triclinic::tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
+                let vectors = triclinic::tilted([Some(side); 3], [0.4 * side, -0.3 * side, 0.2 * side]);
                 let triclinic = TestInput { space: triclinic::space(vectors), ..spheres.into() };
                 cases.push(case(&format!("{n} spheres, {scene}, in a triclinic cell"), triclinic));
             }

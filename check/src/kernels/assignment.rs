@@ -79,21 +79,22 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
         if is_used {
             same(what, &own.base, &base)?;
             same(what, &own.cells.to_array().iter().all(|&cells| cells == 1 || cells > 2), &true)?;
-            let edge = list.units_per_cell as f32 / own.units_per_length;
+            let cell_size = list.units_per_cell as f32 / own.units_per_length;
             let finer = own.units_per_length / list.level[0].units_per_length;
             let radius_is_finer = list.level[0].max_radius / own.max_radius == finer;
-            let edges = (64..=127).contains(&list.units_per_cell)
+            let is_cell_size = (64..=127).contains(&list.units_per_cell)
                 && radius_is_finer
-                && (2.0 * own.max_radius..2.1 * own.max_radius).contains(&edge);
-            same(what, &edges, &true)?;
+                && (2.0 * own.max_radius..2.1 * own.max_radius).contains(&cell_size);
+            same(what, &is_cell_size, &true)?;
             // At the coordinate `far`, the number of units reaches 2³⁰.
             same(what, &(f32::from_bits(own.far) * own.units_per_length), &((1_u32 << 30) as f32))?;
             for (axis, length) in scenario.space.lengths().into_iter().enumerate() {
                 let (cells, around) = (own.cells[axis], own.around[axis]);
-                let fits = |around: u32, edge: f64| length.is_some_and(|l| l / f64::from(around) >= edge);
-                let is_wide = around == 1 || (fits(around, edge.into()) && around.is_multiple_of(cells));
+                let fits =
+                    |around: u32, cell_size: f64| length.is_some_and(|l| l / f64::from(around) >= cell_size);
+                let is_wide = around == 1 || (fits(around, cell_size.into()) && around.is_multiple_of(cells));
                 let has_room = cells > 1 && around + cells <= 32_768;
-                let is_full = !(has_room && fits(around + cells, 1.001 * f64::from(edge)));
+                let is_full = !(has_room && fits(around + cells, 1.001 * f64::from(cell_size)));
                 same(what, &(is_wide, is_full), &(true, true))?;
             }
             base += own.cells.element_product();

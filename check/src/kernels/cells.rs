@@ -54,11 +54,11 @@ pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
 
 fn scene(count: u32) -> Vec<Sphere> {
     let mut random = Random(u64::from(count));
-    let mut coordinate = |edge: f32| (random.unit() - 0.5) * edge;
+    let mut coordinate = |side: f32| (random.unit() - 0.5) * side;
     let sphere = |k: u32| {
-        let edge = if k.is_multiple_of(3) { 1.0 } else { 20.0 };
+        let side = if k.is_multiple_of(3) { 1.0 } else { 20.0 };
         let radius = if k % 200 == 50 { 4.0 } else { [0.5, 0.2, 0.06, 0.025, 0.01][k as usize / 3 % 5] };
-        let center = [(); 3].map(|()| coordinate(edge));
+        let center = [(); 3].map(|()| coordinate(side));
         Sphere::new(if k % 100 == 99 { [f32::NAN; 3] } else { center }, radius)
     };
     (0..count).map(sphere).collect()

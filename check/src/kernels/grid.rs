@@ -96,9 +96,9 @@ fn open_axis(grid: &Grid, axis: usize, width: f32, spheres: &[Sphere]) -> Result
     if origin != median {
         return Err(format!("starts at {origin}, not {median}"));
     }
-    let edge = 1.0 / grid.inverse_edge[axis];
-    if !(0.9999 * width..1.02 * width).contains(&edge) {
-        return Err(format!("cell size {edge}, not {width}"));
+    let cell_size = 1.0 / grid.inverse_edge[axis];
+    if !(0.9999 * width..1.02 * width).contains(&cell_size) {
+        return Err(format!("cell size {cell_size}, not {width}"));
     }
     let cell = |corner: Vec3| ((corner[axis] - origin) * grid.inverse_edge[axis]).floor() as i32;
     let [low, high] = extent(spheres).map(cell);

@@ -17,7 +17,7 @@ const SPACES: [[Option<f32>; 3]; 2] = [[None; 3], [Some(16.0), None, Some(8.0)]]
 /// Multiples of an eighth avoid rounding.
 fn spheres(count: usize, seed: u64) -> Vec<Sphere> {
     let mut random = Random(seed);
-    let mut coordinate = |edge: u32| random.below(8 * edge) as f32 / 8.0 - edge as f32 / 2.0;
+    let mut coordinate = |side: u32| random.below(8 * side) as f32 / 8.0 - side as f32 / 2.0;
     (0..count)
         .map(|k| {
             let center = [coordinate(16), coordinate(16), coordinate(8)];

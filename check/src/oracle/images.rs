@@ -4,21 +4,21 @@ use glam::{DMat3, DVec3};
 use lazygrid::Space;
 
 pub(crate) struct ImageOracle {
-    given: [Option<[f64; 3]>; 3],
+    cell_vectors: [Option<[f64; 3]>; 3],
     /// Cell vectors with their indices, the longest first. The search loops over all but the last.
-    edges: Vec<(usize, DVec3)>,
+    descending: Vec<(usize, DVec3)>,
     fractions: Vec<DVec3>,
 }
 
 impl ImageOracle {
     pub(crate) fn of(space: &Space) -> Self {
-        let given = space.cell_vectors();
-        let numbered = given.into_iter().enumerate();
-        let mut edges: Vec<_> =
-            numbered.filter_map(|(k, edge)| edge.map(|edge| (k, DVec3::from(edge)))).collect();
-        edges.sort_by(|(_, a), (_, b)| b.length_squared().total_cmp(&a.length_squared()));
-        let fractions = fractions(&edges.iter().map(|(_, edge)| *edge).collect::<Vec<_>>());
-        Self { given, edges, fractions }
+        let cell_vectors = space.cell_vectors();
+        let numbered = cell_vectors.into_iter().enumerate();
+        let mut descending: Vec<_> =
+            numbered.filter_map(|(k, vector)| vector.map(|vector| (k, DVec3::from(vector)))).collect();
+        descending.sort_by(|(_, a), (_, b)| b.length_squared().total_cmp(&a.length_squared()));
+        let fractions = fractions(&descending.iter().map(|(_, vector)| *vector).collect::<Vec<_>>());
+        Self { cell_vectors, descending, fractions }
     }
 
     /// Products of a vector with these rows are fractional coordinates.
@@ -33,7 +33,7 @@ impl ImageOracle {
     /// along that vector.
     pub(crate) fn distance_squared(&self, apart: DVec3, cutoff: f64) -> f64 {
         let mut shift = [0.0; 3];
-        for ((k, _), row) in self.edges.iter().zip(&self.fractions) {
+        for ((k, _), row) in self.descending.iter().zip(&self.fractions) {
             shift[*k] = -row.dot(apart).round();
         }
         let folded = self.image(apart, shift);
@@ -41,20 +41,21 @@ impl ImageOracle {
             return squared(folded);
         }
         // The folded image bounds the search: the nearest is no longer.
-        let along = self.edges.iter().zip(&self.fractions).map(|((_, edge), row)| *edge * row.dot(folded));
+        let along =
+            self.descending.iter().zip(&self.fractions).map(|((_, vector), row)| *vector * row.dot(folded));
         let limit = cutoff.min(along.sum::<DVec3>().length());
         let mut shifts = [[0; 2]; 3];
         for (range, row) in shifts.iter_mut().zip(&self.fractions) {
-            let (part, most) = (row.dot(folded), limit * row.length() + 1e-6);
-            *range = [(-part - most).ceil() as i32, (-part + most).floor() as i32];
+            let (coordinate, most) = (row.dot(folded), limit * row.length() + 1e-6);
+            *range = [(-coordinate - most).ceil() as i32, (-coordinate + most).floor() as i32];
         }
-        self.nearest(apart, shift, folded, &shifts[..self.edges.len()])
+        self.nearest(apart, shift, folded, &shifts[..self.descending.len()])
     }
 
     /// Rounds as the library documents.
     fn image(&self, vector: DVec3, shift: [f64; 3]) -> DVec3 {
         let component = |axis: usize| {
-            let terms = [0, 1, 2].map(|k| self.given[k].map_or(0.0, |edge| shift[k] * edge[axis]));
+            let terms = [0, 1, 2].map(|k| self.cell_vectors[k].map_or(0.0, |vector| shift[k] * vector[axis]));
             vector[axis] + (terms[0] + terms[1] + terms[2])
         };
         DVec3::new(component(0), component(1), component(2))
@@ -64,8 +65,10 @@ impl ImageOracle {
     /// vectors. `near` approximates the image at `shift`. Along the last vector, the integer nearest to the
     /// minimum of the parabola and its two neighbors suffice.
     fn nearest(&self, vector: DVec3, shift: [f64; 3], near: DVec3, shifts: &[[i32; 2]]) -> f64 {
-        let at = self.edges.len() - shifts.len();
-        let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };
+        let at = self.descending.len() - shifts.len();
+        let Some((k, cell_vector)) = self.descending.get(at) else {
+            return squared(self.image(vector, shift));
+        };
         let shifted = |by: f64| {
             let mut shift = shift;
             shift[*k] += by;
@@ -74,10 +77,10 @@ impl ImageOracle {
         match shifts {
             [[from, to], shifts @ ..] if !shifts.is_empty() => (*from..=*to)
                 .map(f64::from)
-                .map(|by| self.nearest(vector, shifted(by), near + *edge * by, shifts))
+                .map(|by| self.nearest(vector, shifted(by), near + *cell_vector * by, shifts))
                 .fold(f64::INFINITY, f64::min),
             _ => {
-                let least = (-near.dot(*edge) / edge.length_squared()).round();
+                let least = (-near.dot(*cell_vector) / cell_vector.length_squared()).round();
                 let offset = [-1.0, 0.0, 1.0].map(|offset| self.image(vector, shifted(least + offset)));
                 offset.into_iter().map(squared).fold(f64::INFINITY, f64::min)
             }
@@ -90,8 +93,8 @@ fn squared(vector: DVec3) -> f64 {
 }
 
 /// Returns the inverse matrix, or its pseudoinverse within a plane or line.
-fn fractions(edges: &[DVec3]) -> Vec<DVec3> {
-    match *edges {
+fn fractions(vectors: &[DVec3]) -> Vec<DVec3> {
+    match *vectors {
         [a] => vec![a / a.length_squared()],
         [a, b] => {
             let across = |a: DVec3, b: DVec3| a - b * (a.dot(b) / b.length_squared());
@@ -112,9 +115,9 @@ mod tests {
 
     #[test]
     fn image_distances_match_known_values() {
-        let of = |edges: [Option<DVec3>; 3]| {
-            let edges = edges.map(|edge| edge.map(|edge| edge.to_array()));
-            ImageOracle::of(&Space::triclinic(edges).expect("linearly independent vectors"))
+        let of = |vectors: [Option<DVec3>; 3]| {
+            let vectors = vectors.map(|vector| vector.map(|vector| vector.to_array()));
+            ImageOracle::of(&Space::triclinic(vectors).expect("linearly independent vectors"))
         };
         let at = |images: &ImageOracle, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
         let triclinic = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);

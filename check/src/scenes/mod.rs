@@ -29,8 +29,9 @@ fn moved(spheres: Vec<Sphere>, by: f32) -> Vec<Sphere> {
 }
 
 pub fn scenes() -> Vec<(&'static str, Vec<Sphere>)> {
-    let lattice = |edge: f32, radius: f32| -> Vec<Sphere> {
-        let at = |i: i32| [(i % 10) as f32 * edge, (i / 10 % 10) as f32 * edge, (i / 100) as f32 * edge];
+    let lattice = |spacing: f32, radius: f32| -> Vec<Sphere> {
+        let at =
+            |i: i32| [(i % 10) as f32 * spacing, (i / 10 % 10) as f32 * spacing, (i / 100) as f32 * spacing];
         (0..1000).map(|i| Sphere::new(at(i), radius)).collect()
     };
     let line: Vec<_> = (0..2000).map(|i| Sphere::new([i as f32 * 0.9, 0.0, 0.0], 0.5)).collect();

@@ -1,13 +1,13 @@
 use lazygrid::{Skin, Sphere};
 
-/// Returns a skin of `part` times the first nonzero radius, clamped to 10⁻¹⁴ to 10¹⁷, or [`Skin::Auto`] if
+/// Returns a skin of `fraction` times the first nonzero radius, clamped to 10⁻¹⁴ to 10¹⁷, or [`Skin::Auto`] if
 /// the product is 0. Without such a radius, uses the first nonzero distance of consecutive spheres, or 1.
-pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
+pub fn skin_of(spheres: &[Sphere], fraction: f32) -> Skin {
     let radius = spheres.iter().map(|sphere| sphere.radius).find(|&radius| radius > 0.0);
     let apart = |two: &[Sphere]| two[0].center.distance(two[1].center);
     let distance = spheres.windows(2).map(apart).find(|&distance| distance > 0.0);
     // `f32` may not hold the distance.
-    match part * radius.or(distance).unwrap_or(1.0).min(f32::MAX) {
+    match fraction * radius.or(distance).unwrap_or(1.0).min(f32::MAX) {
         0.0 => Skin::Auto,
         distance => Skin::Fixed(distance.clamp(1e-14, 1e17).into()),
     }
@@ -19,9 +19,9 @@ pub(crate) fn stride(spheres: &[Sphere]) -> f32 {
     if radius > 0.0 { radius.min(1e30) } else { 1.0 }
 }
 
-/// Moves each sphere by up to `part` times the `stride` along each axis.
-pub fn walk(spheres: &mut [Sphere], part: f32, step: u32) {
-    let far = part * stride(spheres);
+/// Moves each sphere by up to `fraction` times the `stride` along each axis.
+pub fn walk(spheres: &mut [Sphere], strides: f32, step: u32) {
+    let far = strides * stride(spheres);
     for (sphere, k) in spheres.iter_mut().zip(0_u32..) {
         let word = k.wrapping_mul(0x9e37_79b9).wrapping_add(step.wrapping_mul(0x85eb_ca6b));
         let offset = |by: u32| f32::from((word.rotate_left(by) >> 16) as u16) / 32768.0 - 1.0;

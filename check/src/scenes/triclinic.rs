@@ -22,17 +22,20 @@ pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3
     [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
 }
 
-pub fn space(edges: [Option<Vec3>; 3]) -> Space {
-    Space::triclinic(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
+pub fn space(cell_vectors: [Option<Vec3>; 3]) -> Space {
+    Space::triclinic(
+        cell_vectors.map(|cell_vector| cell_vector.map(|cell_vector| cell_vector.as_dvec3().to_array())),
+    )
+    .unwrap_or_default()
 }
 
-fn in_space(spheres: Vec<Sphere>, edges: [Option<Vec3>; 3]) -> TestInput {
-    TestInput { space: space(edges), ..spheres.into() }
+fn in_space(spheres: Vec<Sphere>, cell_vectors: [Option<Vec3>; 3]) -> TestInput {
+    TestInput { space: space(cell_vectors), ..spheres.into() }
 }
 
-fn some_of(of: &mut SeedReader<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
+fn some_of(of: &mut SeedReader<'_>, cell_vectors: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
     let taken = if of.below(2) == 0 { 7 } else { 1 + of.below(7) };
-    [0, 1, 2].map(|k| edges[k].filter(|_| taken >> k & 1 == 1))
+    [0, 1, 2].map(|k| cell_vectors[k].filter(|_| taken >> k & 1 == 1))
 }
 
 /// Lattice sites in exact contact, in cells tilted by whole and half sites.
@@ -42,12 +45,12 @@ pub fn lattice(words: &SceneSeed) -> TestInput {
     let shift = choices.of(&[0.0_f32, 0.5, -64.0]);
     let lengths = [(); 3].map(|()| Some(choices.of(&[4.0_f32, 1.0, 2.0, 3.0, 5.0, 7.0]) * spacing));
     let tilts = [(); 3].map(|()| choices.within(12) as f32 * 0.5 * spacing);
-    let edges = some_of(&mut choices, tilted(lengths, tilts));
+    let cell_vectors = some_of(&mut choices, tilted(lengths, tilts));
     let spheres = words.each(|of| {
         let center = [(); 3].map(|()| ((of.below(24) as f32 - 12.0) + shift) * spacing);
         Sphere::new(center, of.of(&[0.5_f32, 0.5, 0.5, 1.0, 0.0, 6.0]) * spacing)
     });
-    in_space(spheres, edges)
+    in_space(spheres, cell_vectors)
 }
 
 /// Cells with tilts of half a length, as LAMMPS allows, and much more.
@@ -56,24 +59,24 @@ pub fn soup(words: &SceneSeed) -> TestInput {
     let most = choices.of(&[0.5_f32, 0.5, 1.5, 6.0]);
     let lengths = [(); 3].map(|()| choices.between(0.7, 8.0));
     let tilts = [(1, 0), (2, 0), (2, 1)].map(|(_, along)| choices.between(-most, most) * lengths[along]);
-    let edges = some_of(&mut choices, tilted(lengths.map(Some), tilts));
-    in_space(sizes(words), edges)
+    let cell_vectors = some_of(&mut choices, tilted(lengths.map(Some), tilts));
+    in_space(sizes(words), cell_vectors)
 }
 
 /// Vectors of any direction, with lengths up to a ratio of about 100.
 pub fn directions(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
-    let mut edge = || {
+    let mut cell_vector = || {
         let direction = Vec3::from([(); 3].map(|()| choices.between(-1.0, 1.0)));
         direction * choices.of(&[3.0_f32, 0.4, 8.0, 40.0])
     };
-    let mut edges = [edge(), edge(), edge()];
-    let volume = edges[0].cross(edges[1]).dot(edges[2]);
-    if volume.abs() < 1e-2 * edges.iter().map(|edge| edge.length()).product::<f32>() {
-        edges = [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 4.0, -1.0), Vec3::new(2.0, 0.0, 5.0)];
+    let mut cell_vectors = [cell_vector(), cell_vector(), cell_vector()];
+    let volume = cell_vectors[0].cross(cell_vectors[1]).dot(cell_vectors[2]);
+    if volume.abs() < 1e-2 * cell_vectors.iter().map(|cell_vector| cell_vector.length()).product::<f32>() {
+        cell_vectors = [Vec3::new(3.0, 1.0, 0.0), Vec3::new(0.0, 4.0, -1.0), Vec3::new(2.0, 0.0, 5.0)];
     }
-    let edges = some_of(&mut choices, edges.map(Some));
-    in_space(sizes(words), edges)
+    let cell_vectors = some_of(&mut choices, cell_vectors.map(Some));
+    in_space(sizes(words), cell_vectors)
 }
 
 /// Radii range from 0 to more than a cell.
@@ -96,15 +99,15 @@ pub fn carried_away(words: &SceneSeed) -> TestInput {
     let quarters = |of: &mut SeedReader<'_>, most: i32| of.within(most) as f32 / 4.0;
     let lengths = [(); 3].map(|()| Some(choices.of(&[2.0_f32, 3.25, 1.5])));
     let tilts = [(); 3].map(|()| quarters(&mut choices, 9));
-    let edges = some_of(&mut choices, tilted(lengths, tilts));
+    let cell_vectors = some_of(&mut choices, tilted(lengths, tilts));
     let spheres = words.each(|of| {
         let mut center = Vec3::from([(); 3].map(|()| of.within(256) as f32 / 256.0));
-        for edge in edges.iter().flatten() {
-            center += *edge * of.within(1024) as f32;
+        for cell_vector in cell_vectors.iter().flatten() {
+            center += *cell_vector * of.within(1024) as f32;
         }
         Sphere::new(center, of.below(128) as f32 / 256.0)
     });
-    in_space(spheres, edges)
+    in_space(spheres, cell_vectors)
 }
 
 /// Spheres within a few ulp of the corner and the boundaries.
@@ -112,11 +115,11 @@ pub fn corners(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 10.0, 0.1, 3.3])));
     let tilts = [(); 3].map(|()| choices.of(&[0.0_f32, 0.5, -0.25, 1.0, 0.05]));
-    let edges = some_of(&mut choices, tilted(lengths, tilts));
+    let cell_vectors = some_of(&mut choices, tilted(lengths, tilts));
     let spheres = words.each(|of| {
         let mut center = Vec3::ZERO;
-        for edge in tilted(lengths, tilts).into_iter().flatten() {
-            center += edge * of.of(&[0.0_f32, 0.5, -0.5, 1.0, 0.25]);
+        for cell_vector in tilted(lengths, tilts).into_iter().flatten() {
+            center += cell_vector * of.of(&[0.0_f32, 0.5, -0.5, 1.0, 0.25]);
         }
         let center = center.to_array().map(|x| {
             let ulps = of.within(3);
@@ -124,7 +127,7 @@ pub fn corners(words: &SceneSeed) -> TestInput {
         });
         Sphere::new(center, of.of(&[0.0, 1e-7, 2e-7, 0.01, 0.2]))
     });
-    in_space(spheres, edges)
+    in_space(spheres, cell_vectors)
 }
 
 /// Sizes near which `f32` arithmetic changes.
@@ -133,25 +136,28 @@ pub fn ends_of_the_range(words: &SceneSeed) -> TestInput {
     let unit = choices.of(&[1e-30_f32, 1e-36, 1e30, 2e36]);
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 2.5, 7.0]) * unit));
     let tilts = [(); 3].map(|()| choices.within(6) as f32 * 0.25 * unit);
-    let edges = some_of(&mut choices, tilted(lengths, tilts));
+    let cell_vectors = some_of(&mut choices, tilted(lengths, tilts));
     let spheres = words.each(|of| {
         let center = [(); 3].map(|()| of.within(32) as f32 * 0.25 * unit);
         Sphere::new(center, of.below(9) as f32 * 0.25 * unit)
     });
-    in_space(spheres, edges)
+    in_space(spheres, cell_vectors)
 }
 
 /// Spheres of nearly the largest radii, in a space that is unbounded along one axis.
 pub fn largest_spheres(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let unit = choices.of(&[1.0_f32, 1e38, 1e-3]);
-    let edges = tilted([Some(unit), Some(2.0 * unit), None], [0.4 * unit, 0.0, 0.0]);
+    let cell_vectors = tilted([Some(unit), Some(2.0 * unit), None], [0.4 * unit, 0.0, 0.0]);
     let spheres = words.each(|of| {
-        let share = of.of(&[1.0_f32, 0.6, 0.5, 1e-3, 0.0]);
+        let fraction = of.of(&[1.0_f32, 0.6, 0.5, 1e-3, 0.0]);
         let center = [(); 3].map(|()| of.of(&[0.0_f32, 1.0, -1.0, 0.5]) * f32::MAX);
-        Sphere::new([of.between(-1.0, 1.0) * unit, of.between(-1.0, 1.0) * unit, center[2]], share * f32::MAX)
+        Sphere::new(
+            [of.between(-1.0, 1.0) * unit, of.between(-1.0, 1.0) * unit, center[2]],
+            fraction * f32::MAX,
+        )
     });
-    in_space(spheres, edges)
+    in_space(spheres, cell_vectors)
 }
 
 #[cfg(test)]

@@ -18,11 +18,11 @@ fn octaves(random: &mut Random) -> f32 {
     0.5 * (-((random.word() % 11) as f32) - random.unit()).exp2()
 }
 
-fn at_seams(seed: u64, n: usize, edge: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
+fn at_seams(seed: u64, n: usize, side: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
     let mut random = Random(seed);
     let mut place = || match random.word() % 2 {
-        0 => 0.5 * edge + 1.4 * (random.unit() - 0.5),
-        _ => edge * random.unit(),
+        0 => 0.5 * side + 1.4 * (random.unit() - 0.5),
+        _ => side * random.unit(),
     };
     let centers: Vec<[f32; 3]> = (0..n).map(|_| [place(), place(), place()]).collect();
     centers.into_iter().map(|center| Sphere::new(center, radius(&mut random))).collect()
@@ -34,10 +34,10 @@ fn boxes_of_few_cells() {
     let Some(own) = device() else { return };
     let boxes =
         [0.3, 0.9, 1.0, 1.7, 2.0, 3.1, 4.0, 4.1, 5.5, 7.9, 8.0, 8.2, 9.5, 12.3, 20.9, 25.4, 26.7, 29.0];
-    for (k, edge) in boxes.into_iter().enumerate() {
+    for (k, side) in boxes.into_iter().enumerate() {
         for axes in [1 + k % 7, 7] {
-            let spheres = at_seams(k as u64, 300, edge, |random| 0.25 * (0.6 + 0.4 * random.unit()));
-            check(&own, &Scene::new(format!("{edge} cells on {axes}"), lengths(axes, [edge; 3]), spheres));
+            let spheres = at_seams(k as u64, 300, side, |random| 0.25 * (0.6 + 0.4 * random.unit()));
+            check(&own, &Scene::new(format!("{side} cells on {axes}"), lengths(axes, [side; 3]), spheres));
         }
     }
 }

@@ -4,9 +4,9 @@ use crate::common::{Random, device, limited, new_device, session_count, session_
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Sphere, Spheres};
 
-fn uniform(seed: u64, n: usize, edge: f32, radius: f32) -> Vec<Sphere> {
+fn uniform(seed: u64, n: usize, side: f32, radius: f32) -> Vec<Sphere> {
     let mut random = Random(seed);
-    (0..n).map(|_| Sphere::new([0; 3].map(|_| random.unit() * edge), radius)).collect()
+    (0..n).map(|_| Sphere::new([0; 3].map(|_| random.unit() * side), radius)).collect()
 }
 
 fn count_on_cpu(detector: &mut Detector, spheres: &[Sphere]) -> u64 {
@@ -42,8 +42,8 @@ fn lists_agree(own: &GpuDevice, spheres: &[Sphere], detector: &mut Detector, alg
 fn millions_of_spheres_in_one_call() {
     let Some(own) = device() else { return };
     for (n, algorithm) in [(2_000_000, Algorithm::CellList), (600_000, Algorithm::LazyGrid)] {
-        let edge = (n as f32 * 4.188_79 * 0.125 / 0.05).cbrt();
-        lists_agree(&own, &uniform(1, n, edge, 0.5), &mut cpu(), &[algorithm]);
+        let side = (n as f32 * 4.188_79 * 0.125 / 0.05).cbrt();
+        lists_agree(&own, &uniform(1, n, side, 0.5), &mut cpu(), &[algorithm]);
     }
 }
 

@@ -39,9 +39,9 @@ fn verify(own: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &TestInput,
     state
 }
 
-fn walk(spheres: &mut [Sphere], part: f32, random: &mut Random) {
+fn walk(spheres: &mut [Sphere], radii: f32, random: &mut Random) {
     for sphere in spheres {
-        let far = if sphere.radius.is_finite() { part * sphere.radius } else { part };
+        let far = if sphere.radius.is_finite() { radii * sphere.radius } else { radii };
         sphere.center += glam::Vec3::from([(); 3].map(|()| (2.0 * random.unit() - 1.0) * far));
     }
 }

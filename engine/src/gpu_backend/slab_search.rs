@@ -85,11 +85,11 @@ impl PairSource for SlabPairSource<'_> {
     }
 
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error> {
-        self.search.parts(self.request, Some(limit), |pairs| take(std::slice::from_mut(pairs)))
+        self.search.for_each_chunk(self.request, Some(limit), |pairs| take(std::slice::from_mut(pairs)))
     }
 
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error> {
-        self.search.parts(self.request, None, |pairs| take(pairs))
+        self.search.for_each_chunk(self.request, None, |pairs| take(pairs))
     }
 }
 
@@ -112,7 +112,7 @@ impl SlabSearch {
             }
             // Dropped pairs do not count towards the limit.
             Err(Error::TooManyPairs { .. }) if self.drops_pairs(request) => {
-                self.list_in_parts(request, limit, list)
+                self.list_in_chunks(request, limit, list)
             }
             error => error,
         }
@@ -162,7 +162,7 @@ impl SlabSearch {
         Ok(())
     }
 
-    fn list_in_parts(
+    fn list_in_chunks(
         &mut self,
         request: &SearchRequest<'_>,
         limit: u64,
@@ -170,7 +170,7 @@ impl SlabSearch {
     ) -> Result<(), Error> {
         list.clear();
         let (mut found, mut refused) = (0, None);
-        self.parts(request, None, |pairs| {
+        self.for_each_chunk(request, None, |pairs| {
             found += pairs.len() as u64;
             if found > limit {
                 return ControlFlow::Continue(());
@@ -190,7 +190,7 @@ impl SlabSearch {
         }
         if self.drops_pairs(request) {
             let mut found = 0;
-            self.parts(request, None, |pairs| {
+            self.for_each_chunk(request, None, |pairs| {
                 found += pairs.len() as u64;
                 ControlFlow::Continue(())
             })?;
@@ -211,9 +211,9 @@ impl SlabSearch {
         Ok(found)
     }
 
-    /// Passes the pairs in parts. With `in_order`, these ascend by smaller index and have at most that number of pairs,
+    /// Passes the pairs in chunks. With `in_order`, these ascend by smaller index and have at most that number of pairs,
     /// unless one sphere, or the output of the device, has more.
-    pub(super) fn parts(
+    pub(super) fn for_each_chunk(
         &mut self,
         request: &SearchRequest<'_>,
         in_order: Option<u64>,

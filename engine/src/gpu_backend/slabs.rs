@@ -20,7 +20,7 @@ use crate::Error;
 /// Spheres whose lower ends are sampled to choose possible cuts.
 const SAMPLE: usize = 1 << 14;
 /// Possible cuts of an axis.
-const EDGES: usize = 1 << 10;
+const MAX_BOUNDARIES: usize = 1 << 10;
 /// Ends are moved outwards by this fraction of the radius, and of a periodic length: above the rounding error and the 4
 /// ulp of a GPU.
 const MARGIN: f64 = 1.0 / (1 << 20) as f64;
@@ -110,52 +110,53 @@ impl<'a> SlabInput<'a> {
     }
 
     /// Returns cuts with about equally many spheres between them; the first is below all spheres.
-    fn edges(&self, axis: usize) -> Vec<f64> {
+    fn boundaries(&self, axis: usize) -> Vec<f64> {
         let step = (self.spheres.len() / SAMPLE).max(1);
         let mut begins: Vec<f64> =
             (0..self.spheres.len()).step_by(step).map(|k| self.ends(k, axis)[0]).collect();
         begins.sort_unstable_by(f64::total_cmp);
-        let mut edges = vec![self.period(axis).map_or(f64::NEG_INFINITY, |length| -length / 2.0)];
-        edges.extend(begins.iter().copied().step_by(begins.len().div_ceil(EDGES).max(1)));
-        edges.dedup();
-        edges
+        let mut boundaries = vec![self.period(axis).map_or(f64::NEG_INFINITY, |length| -length / 2.0)];
+        boundaries.extend(begins.iter().copied().step_by(begins.len().div_ceil(MAX_BOUNDARIES).max(1)));
+        boundaries.dedup();
+        boundaries
     }
 
     /// Returns slabs of at most `most` spheres, and the number of ghosts; `None` if `axis` cannot be divided.
     fn cut(&self, axis: usize, most: usize) -> Option<(Slabs, usize)> {
-        let edges = self.edges(axis);
+        let boundaries = self.boundaries(axis);
         let period = self.period(axis);
-        let mut owned = vec![0_usize; edges.len()];
-        // Ghosts of each edge, as differences between edges.
-        let mut ghosts = vec![0_isize; edges.len() + 1];
-        let slot = |end: f64| edges.partition_point(|&edge| edge <= end) - 1;
+        let mut owned = vec![0_usize; boundaries.len()];
+        // Ghosts of each boundary, as differences between boundaries.
+        let mut ghosts = vec![0_isize; boundaries.len() + 1];
+        let interval = |end: f64| boundaries.partition_point(|&boundary| boundary <= end) - 1;
         let mut widest = 0.0_f64;
         for k in (0..self.spheres.len()).filter(|&k| !self.is_idle(k)) {
             let [begin, end] = self.ends(k, axis);
             widest = widest.max(end - begin);
-            let [from, to] = [begin, end].map(slot);
+            let [from, to] = [begin, end].map(interval);
             owned[from] += 1;
             ghosts[from + 1] += 1;
             ghosts[to + 1] -= 1;
             if let Some(length) = period.filter(|length| end >= length / 2.0) {
                 ghosts[0] += 1;
-                ghosts[slot((end - length).max(edges[0])) + 1] -= 1;
+                ghosts[interval((end - length).max(boundaries[0])) + 1] -= 1;
             }
         }
         // Narrower slabs cannot find a pair twice across the periodic boundary.
         let width = period.map_or(f64::INFINITY, |length| length - 2.0 * widest);
         let mut slabs: Vec<(f64, usize)> = Vec::new();
         let (mut ghosts_here, mut all_ghosts) = (0, 0);
-        for (k, &edge) in edges.iter().enumerate() {
+        for (k, &boundary) in boundaries.iter().enumerate() {
             ghosts_here += ghosts[k];
             let ghosts = ghosts_here.max(0) as usize;
-            let next = edges.get(k + 1).copied().or(period.map(|length| length / 2.0)).unwrap_or(edge);
+            let next =
+                boundaries.get(k + 1).copied().or(period.map(|length| length / 2.0)).unwrap_or(boundary);
             let is_narrow = |begin: f64| period.is_none() || next - begin < width;
             match slabs.last_mut() {
                 Some((begin, count)) if *count + owned[k] <= most && is_narrow(*begin) => *count += owned[k],
-                _ if owned[k] + ghosts > most || !is_narrow(edge) => return None,
+                _ if owned[k] + ghosts > most || !is_narrow(boundary) => return None,
                 _ => {
-                    slabs.push((edge, owned[k] + ghosts));
+                    slabs.push((boundary, owned[k] + ghosts));
                     all_ghosts += ghosts;
                 }
             }

@@ -117,8 +117,8 @@ impl DensityProfile {
         let log_mean = if depth >= last as f32 {
             self.log_mean[last] - self.slope * (depth - last as f32)
         } else {
-            let (k, part) = (depth as usize, depth.fract());
-            self.log_mean[k] + part * (self.log_mean[k + 1] - self.log_mean[k])
+            let (k, fraction) = (depth as usize, depth.fract());
+            self.log_mean[k] + fraction * (self.log_mean[k + 1] - self.log_mean[k])
         };
         log_mean.exp2()
     }

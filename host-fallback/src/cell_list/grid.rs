@@ -60,7 +60,7 @@ impl CellRange {
 
     /// Returns the cells along x up to the end of a row, and those that wrap.
     #[inline(always)]
-    pub(crate) fn row_parts(&self, size: [u32; 3]) -> [Range<u32>; 2] {
+    pub(crate) fn row_ranges(&self, size: [u32; 3]) -> [Range<u32>; 2] {
         let (first, count) = (self.first[0], self.count()[0]);
         let before = count.min(size[0] - first);
         [first..first + before, 0..count - before]
@@ -188,7 +188,7 @@ impl CellGrid {
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
         for axis in 0..3 {
-            let [from, to] = self.inner_part(axis, f64::from(cell[axis]) + self.axes.origin[axis]);
+            let [from, to] = self.interior(axis, f64::from(cell[axis]) + self.axes.origin[axis]);
             if cell[axis] > 0 {
                 low[axis] = from;
             }
@@ -202,7 +202,7 @@ impl CellGrid {
     /// Returns the part of a cell beginning at `at` cells, in the grid's coordinates, that no sphere of other cells
     /// along the axis reaches.
     #[inline(always)]
-    fn inner_part(&self, axis: usize, at: f64) -> [f32; 2] {
+    fn interior(&self, axis: usize, at: f64) -> [f32; 2] {
         let cell_size = self.cell_sizes[axis];
         let lower = at * cell_size;
         let slack =
@@ -223,7 +223,7 @@ impl CellGrid {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
         for axis in (0..3).filter(|&axis| self.periodic[axis]) {
             // The box is symmetric about the origin.
-            let [from, _] = self.inner_part(axis, self.axes.origin[axis]);
+            let [from, _] = self.interior(axis, self.axes.origin[axis]);
             (low[axis], high[axis]) = (from, -from);
         }
         (low, high)
@@ -313,8 +313,8 @@ fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
     axes.sort_by(|&a, &b| extent[a].total_cmp(&extent[b]));
     let (mut size, mut left) = ([1; 3], most as f64);
     for (k, axis) in axes.into_iter().enumerate() {
-        let share = left.powf(1.0 / (3 - k) as f64).floor().max(1.0);
-        let cells = extent[axis].min(share);
+        let per_axis = left.powf(1.0 / (3 - k) as f64).floor().max(1.0);
+        let cells = extent[axis].min(per_axis);
         size[axis] = cells as u32;
         left /= cells;
     }

@@ -118,8 +118,8 @@ impl LevelCostModel<'_> {
         let members = |to: usize| self.counts[from..to].iter().sum::<f32>();
         let row_ns = ROW_NS * self.density.searches;
         if extent == f32::NEG_INFINITY {
-            let part = self.density.mean(extent) / self.total.max(1.0);
-            let met = |to: usize| part * (members(to) / 2.0 + self.counts[to..].iter().sum::<f32>());
+            let fraction = self.density.mean(extent) / self.total.max(1.0);
+            let met = |to: usize| fraction * (members(to) / 2.0 + self.counts[to..].iter().sum::<f32>());
             return ends
                 .for_each(|to| offer(to, members(to) * (row_ns + self.density.compare_ns * met(to)), 0.0));
         }

@@ -201,17 +201,17 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
         self.work_if_full();
         let own_row = level.grid.index([0, cell[1], cell[2]]);
-        let parts = block.row_parts(size);
+        let ranges = block.row_ranges(size);
         for z in 0..count[2] {
             for y in 0..count[1] {
                 let (y, z) = (wrap(first[1] + y, size[1]), wrap(first[2] + z, size[2]));
                 let is_adjacent = y.abs_diff(cell[1]) <= 1 && z.abs_diff(cell[2]) <= 1;
                 let row = level.grid.index([0, y, z]);
-                if row < own_row || (is_adjacent && parts[1].is_empty()) {
+                if row < own_row || (is_adjacent && ranges[1].is_empty()) {
                     continue;
                 }
                 let row = level.base + row;
-                for cells in &parts {
+                for cells in &ranges {
                     let wanted = if is_adjacent { outside(cells, cell[0]) } else { cells.clone() };
                     let start = self.list.starts[row + wanted.start as usize].max(at as u32 + 1);
                     let end = self.list.starts[row + wanted.end as usize];
@@ -225,13 +225,13 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
     #[inline(always)]
     fn rows(&mut self, level: &LevelGrid, block: CellRange, at: usize, from: usize) {
         let (size, first, count) = (level.grid.size, block.first, block.count());
-        let parts = block.row_parts(size);
+        let ranges = block.row_ranges(size);
         for z in 0..count[2] {
             for y in 0..count[1] {
                 self.work_if_full();
                 let (y, z) = (wrap(first[1] + y, size[1]), wrap(first[2] + z, size[2]));
                 let row = level.base + level.grid.index([0, y, z]);
-                for cells in &parts {
+                for cells in &ranges {
                     let start = self.list.starts[row + cells.start as usize].max(from as u32);
                     let end = self.list.starts[row + cells.end as usize];
                     self.runs.push(at as u32, start..end, true);

@@ -101,10 +101,10 @@ fn groups_of_species_match_naive() {
         let given = scattered(n, seed % 4, extent);
         let ids: Vec<u32> =
             (0..n).map(|k| (k.wrapping_mul(2_654_435_761) >> 20) % species.max(2) % species).collect();
-        let part = |range: Range<usize>| {
+        let subset = |range: Range<usize>| {
             Spheres::from(&given[range.clone()]).with_species(&ids[range]).expect("as many")
         };
-        let spheres = part(0..given.len());
+        let spheres = subset(0..given.len());
         let space = match seed % 4 {
             3 => Space::periodic([Some(16.0), None, Some(17.5)]).expect("a box"),
             _ => Space::UNBOUNDED,
@@ -161,7 +161,7 @@ fn groups_of_species_match_naive() {
                 let first = split.unwrap_or(0);
                 let found = match split {
                     None => detector.pairs(spheres),
-                    Some(split) => detector.pairs((part(0..split), part(split..given.len()))),
+                    Some(split) => detector.pairs((subset(0..split), subset(split..given.len()))),
                 };
                 let found: Vec<_> = found
                     .expect("the spheres are valid")

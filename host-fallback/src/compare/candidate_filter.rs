@@ -98,9 +98,11 @@ mod tests {
 
     #[test]
     fn triclinic_frame_decides_most_candidates_as_the_exact_test_does() {
-        let edges = [[1.0, 0.0, 0.0], [0.45, 0.9, 0.0], [-0.3, 0.4, 0.8]];
-        let settings =
-            Settings { space: Space::triclinic(edges.map(Some)).expect("a cell"), ..Settings::default() };
+        let cell_vectors = [[1.0, 0.0, 0.0], [0.45, 0.9, 0.0], [-0.3, 0.4, 0.8]];
+        let settings = Settings {
+            space: Space::triclinic(cell_vectors.map(Some)).expect("a cell"),
+            ..Settings::default()
+        };
         let mut random = Random(3);
         let spheres: Vec<_> = (0..600).map(|_| Sphere::new(random.point(2.0), 0.1)).collect();
         let wide: Vec<_> = (0..600).map(|_| random.point(2.0).map(f64::from)).collect();

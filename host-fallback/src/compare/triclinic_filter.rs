@@ -132,20 +132,22 @@ mod tests {
             let unit = [1.0, 1e-30, 1e25, 1e150][case % 4];
             let tilt = [0.5, 0.9, 3.0][case / 4 % 3];
             let thin = [1.0, 0.3, 0.05][case / 12 % 3];
-            let edges = [
+            let cell_vectors = [
                 Some([1.0, 0.0, 0.0]),
                 Some([tilt * random(), thin, 0.0]),
                 (case % 5 != 0).then(|| [tilt * random(), tilt * random(), 0.8]),
             ];
-            let edges = edges.map(|edge| edge.map(|edge: [f64; 3]| edge.map(|number| unit * number)));
-            let Ok(space) = Space::triclinic(edges) else { continue };
+            let cell_vectors =
+                cell_vectors.map(|vector| vector.map(|vector: [f64; 3]| vector.map(|number| unit * number)));
+            let Ok(space) = Space::triclinic(cell_vectors) else { continue };
             let is_f32 = unit < 1e100 && case % 3 == 0;
             let rounded = |number: f64| if is_f32 { f64::from(number as f32) } else { number };
             let (far, size) = ([1.0, 1.0, 10.0, 1e5, 3e6][case / 36 % 5], [0.3, 0.03, 0.003][case / 180 % 3]);
             let pairs: Vec<_> = (0..200)
                 .map(|_| {
                     let a = [(); 3].map(|()| unit * far * random());
-                    let shift = edges.map(|edge| if edge.is_some() { (far * random()).round() } else { 0.0 });
+                    let shift = cell_vectors
+                        .map(|vector| if vector.is_some() { (far * random()).round() } else { 0.0 });
                     let away = space.image([(); 3].map(|()| unit * size * random()), shift);
                     [a, [0, 1, 2].map(|axis| a[axis] + away[axis])].map(|point| point.map(rounded))
                 })
@@ -163,9 +165,9 @@ mod tests {
                 let distance = unit * apart.iter().map(|component| component * component).sum::<f64>().sqrt();
                 let gaps =
                     [0.0, 1e-16, -1e-16, 1e-8, -1e-8, 1e-6, -1e-6, 1e-5, -1e-5, 1e-4, -1e-4, 0.02, -0.02];
-                let (sum, part) = (distance * (1.0 + gaps[k % gaps.len()]), [0.5, 0.0, 0.999][k % 3]);
+                let (sum, fraction) = (distance * (1.0 + gaps[k % gaps.len()]), [0.5, 0.0, 0.999][k % 3]);
                 let sphere = |[x, y, z]: [f64; 3], radius: f64| [x, y, z, rounded(radius)];
-                let (a, b) = (sphere(a, part * sum), sphere(b, sum - part * sum));
+                let (a, b) = (sphere(a, fraction * sum), sphere(b, sum - fraction * sum));
                 let [possible, certain] = filter.touch(row(frame.sphere(a)), row(frame.sphere(b)));
                 let expected = space.touch(a, b, None);
                 assert!(possible || !expected, "lost: {space:?}, {a:?}, {b:?}");
@@ -185,9 +187,9 @@ mod tests {
         let [mut accepted, mut refused] = [0; 2];
         for case in 0..20_000 {
             let tilt = [0.5, 0.95][case % 2];
-            let edges =
+            let cell_vectors =
                 [[1.0, 0.0, 0.0], [tilt * random(), 0.9, 0.0], [tilt * random(), tilt * random(), 0.8]];
-            let space = Space::triclinic(edges.map(Some)).expect("a cell");
+            let space = Space::triclinic(cell_vectors.map(Some)).expect("a cell");
             let frame = SearchFrame::triclinic_f32(space.triclinic_cell().expect("a triclinic space"));
             let Some(filter) = TriclinicFilter::of_frame(&frame) else { continue };
             let sphere = |[x, y, z]: [f64; 3]| frame.sphere([x, y, z, 0.01]);

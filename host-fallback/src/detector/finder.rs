@@ -196,9 +196,9 @@ impl<B: SearchBackend> PairFinder<B> {
         let chunk = numbering.begin(chunk, query.split())?;
         let mut handed = 0;
         let mut hand_over = |pairs: &[Pair]| {
-            pairs.chunks(chunk).try_for_each(|part| {
-                handed += part.len() as u64;
-                consume(numbering.of_second(part))
+            pairs.chunks(chunk).try_for_each(|slice| {
+                handed += slice.len() as u64;
+                consume(numbering.of_second(slice))
             })
         };
         backend.search(&query, &mut |source| {
@@ -227,9 +227,9 @@ fn put_in_order(
     let found: usize = chunks.iter().map(Vec::len).sum();
     let tile = found.div_ceil(ORDER_TILES).max(MIN_PARALLEL_SPHERES);
     let tiles = chunks.iter().map(|chunk| chunk.len().div_ceil(tile)).sum();
-    let mut parts = chunks.iter().flat_map(|chunk| chunk.chunks(tile));
-    let parts = try_collect((0..tiles).map(|_| parts.next().unwrap_or_default()), "chunks of pairs")?;
-    team.pass(found, |executor| sorter.order(executor, &parts, spheres, pairs))
+    let mut tiled = chunks.iter().flat_map(|chunk| chunk.chunks(tile));
+    let tiled = try_collect((0..tiles).map(|_| tiled.next().unwrap_or_default()), "chunks of pairs")?;
+    team.pass(found, |executor| sorter.order(executor, &tiled, spheres, pairs))
 }
 
 fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<(), Error> {
@@ -278,7 +278,7 @@ pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
 #[derive(Debug, Default)]
 struct Numbering {
     split: Option<u32>,
-    part: Vec<Pair>,
+    renumbered: Vec<Pair>,
 }
 
 impl Numbering {
@@ -288,15 +288,15 @@ impl Numbering {
             return Ok(chunk.max(1));
         }
         let chunk = chunk.clamp(1, MAX_STREAM_CHUNK);
-        try_resize(&mut self.part, chunk, "a chunk of pairs")?;
+        try_resize(&mut self.renumbered, chunk, "a chunk of pairs")?;
         Ok(chunk)
     }
 
     fn of_second<'p>(&'p mut self, pairs: &'p [Pair]) -> &'p [Pair] {
         let Some(split) = self.split else { return pairs };
-        let part = &mut self.part[..pairs.len()];
-        part.iter_mut().zip(pairs).for_each(|(own, pair)| *own = Pair { i: pair.i, j: pair.j - split });
-        part
+        let renumbered = &mut self.renumbered[..pairs.len()];
+        renumbered.iter_mut().zip(pairs).for_each(|(own, pair)| *own = Pair { i: pair.i, j: pair.j - split });
+        renumbered
     }
 }
 

@@ -248,13 +248,13 @@ mod tests {
         for max_pairs in [0, 1, 100] {
             let settings = Settings { max_pairs, ..Settings::default() };
             let mut detector = HostDetector::new(settings).expect("the settings are in range");
-            let (mut parts, mut streamed) = (0, Vec::new());
+            let (mut chunks, mut streamed) = (0, Vec::new());
             let found = detector.stream(&spheres, usize::MAX, |pairs| {
-                parts += 1;
+                chunks += 1;
                 streamed.extend_from_slice(pairs);
                 ControlFlow::Continue(())
             });
-            assert_eq!((found, parts), (Ok(3999), 17), "{max_pairs}");
+            assert_eq!((found, chunks), (Ok(3999), 17), "{max_pairs}");
             assert!(streamed.is_sorted() && streamed.len() == 3999, "{max_pairs}");
         }
     }

@@ -298,11 +298,11 @@ mod tests {
 
     #[test]
     fn a_frame_of_no_spheres_represents_later_ones() {
-        let edges = [Some([7.0, 0.0, 0.0]), Some([2.0, 6.0, 0.0]), None];
+        let cell_vectors = [Some([7.0, 0.0, 0.0]), Some([2.0, 6.0, 0.0]), None];
         for space in [
             Space::UNBOUNDED,
             Space::periodic([Some(10.0), None, None]).expect("a length"),
-            Space::triclinic(edges).expect("two vectors"),
+            Space::triclinic(cell_vectors).expect("two vectors"),
         ] {
             let frame = SearchFrame::new(&Bounds::EMPTY, &space);
             let Sphere { center, radius } = frame.sphere([0.25, -0.5, 0.125, 0.01]);
@@ -315,8 +315,8 @@ mod tests {
 
     #[test]
     fn frames_hold_no_spheres_too_far_apart_for_their_cell() {
-        let edges = [[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let space = Space::triclinic(edges.map(Some)).expect("a cell");
+        let cell_vectors = [[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let space = Space::triclinic(cell_vectors.map(Some)).expect("a cell");
         let limit = space.triclinic_cell().expect("triclinic").max_component();
         let bounds = |to: f64| {
             let mut bounds = Bounds::EMPTY;

@@ -32,13 +32,13 @@ impl NestedCell {
         Self { top, fineness: 1.0, scale, corner: DVec3::ZERO, away: grid.away(top) }
     }
 
-    fn finer(&self, parts: f64, at: DVec3) -> Self {
-        let (fineness, scale) = (self.fineness * parts, self.scale * parts);
-        Self { fineness, scale, corner: self.corner * parts + at, ..*self }
+    fn finer(&self, divisions: f64, at: DVec3) -> Self {
+        let (fineness, scale) = (self.fineness * divisions, self.scale * divisions);
+        Self { fineness, scale, corner: self.corner * divisions + at, ..*self }
     }
 
     fn halvings(&self) -> DVec3 {
-        (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
+        (MAX_FINENESS / (self.away * self.fineness)).map(|divisions| divisions.log2().floor())
     }
 
     /// Returns the axes that can be halved, and how often all of them can.
@@ -66,29 +66,29 @@ impl NestedCell {
     /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
     /// cell in further splits: all but the first subtraction are exact inside the cell.
     #[inline(always)]
-    fn part(&self, at: DVec3, parts: f64) -> DVec3 {
-        let at = ((at - self.top) * self.scale - self.corner) * parts;
+    fn child_at(&self, at: DVec3, divisions: f64) -> DVec3 {
+        let at = ((at - self.top) * self.scale - self.corner) * divisions;
         // `floor` may be a function call.
-        at.max(DVec3::ZERO).min(DVec3::splat(parts - 1.0)).map(|k| k as i64 as f64)
+        at.max(DVec3::ZERO).min(DVec3::splat(divisions - 1.0)).map(|k| k as i64 as f64)
     }
 }
 
 pub(super) struct FinerCells {
     cell: NestedCell,
     /// Number of finer cells per axis.
-    parts: f64,
+    divisions: f64,
     first: DVec3,
     pub(super) layout: KeyLayout,
 }
 
 impl FinerCells {
-    pub(super) fn new(cell: &NestedCell, parts: f64, low: DVec3, high: DVec3) -> Self {
+    pub(super) fn new(cell: &NestedCell, divisions: f64, low: DVec3, high: DVec3) -> Self {
         let cell = cell.along(cell.divisible().0);
         // One more cell on either side covers rounding.
-        let first = cell.part(low, parts) - 1.0;
-        let last = cell.part(high, parts) + 1.0;
+        let first = cell.child_at(low, divisions) - 1.0;
+        let last = cell.child_at(high, divisions) + 1.0;
         let layout = KeyLayout::new(UVec3::ZERO, (last - first).as_uvec3());
-        Self { cell, parts, first, layout }
+        Self { cell, divisions, first, layout }
     }
 
     #[inline(always)]
@@ -99,11 +99,11 @@ impl FinerCells {
         radius: f32,
     ) -> CellBox {
         let (low, high) = self.cell.bounds::<PERIODIC>(grid, center, radius);
-        let within = |at| (self.cell.part(at, self.parts) - self.first).as_uvec3();
+        let within = |at| (self.cell.child_at(at, self.divisions) - self.first).as_uvec3();
         CellBox { low: within(low), high: within(high) }
     }
 
     pub(super) fn cell_of(&self, key: u32) -> NestedCell {
-        self.cell.finer(self.parts, self.first + self.layout.cell(key).as_dvec3())
+        self.cell.finer(self.divisions, self.first + self.layout.cell(key).as_dvec3())
     }
 }

@@ -274,8 +274,8 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
             match step {
                 SplitDecision::BruteForce => return Ok(sink),
                 SplitDecision::CompareLarge(radius) => limit = radius,
-                SplitDecision::Split(parts) => {
-                    let finer = FinerCells::new(&cell, parts, extent.low, extent.high);
+                SplitDecision::Split(divisions) => {
+                    let finer = FinerCells::new(&cell, divisions, extent.low, extent.high);
                     return self.split(&finer, split, sink);
                 }
             }

@@ -7,14 +7,14 @@ use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Radii, Space
 use crate::test_support::Random;
 use crate::{Error, HostDetector, Order, RebuildReason, Settings, Skin};
 
-fn gas(n: usize, sizes: i32, edge: f32) -> Vec<Sphere> {
+fn gas(n: usize, sizes: i32, side: f32) -> Vec<Sphere> {
     let mut random = Random(11);
-    (0..n).map(|k| Sphere::new(random.point(edge / 2.0), 0.5_f32.powi(k as i32 % sizes))).collect()
+    (0..n).map(|k| Sphere::new(random.point(side / 2.0), 0.5_f32.powi(k as i32 % sizes))).collect()
 }
 
-fn step(spheres: &mut [Sphere], part: f32, random: &mut Random) {
+fn step(spheres: &mut [Sphere], fraction: f32, random: &mut Random) {
     for sphere in spheres {
-        sphere.center += glam::Vec3::from(random.point(part * sphere.radius));
+        sphere.center += glam::Vec3::from(random.point(fraction * sphere.radius));
     }
 }
 

@@ -173,9 +173,9 @@ mod tests {
         costs: &SkinCosts,
     ) -> (u32, Option<f32>) {
         let mut random = Random(3);
-        let edge = (n as f32).cbrt() * 1.6;
-        let space = Space::periodic([Some(f64::from(edge)); 3]).expect("a box");
-        let mut spheres: Vec<_> = (0..n).map(|_| Sphere::new(random.point(edge / 2.0), 0.5)).collect();
+        let side = (n as f32).cbrt() * 1.6;
+        let space = Space::periodic([Some(f64::from(side)); 3]).expect("a box");
+        let mut spheres: Vec<_> = (0..n).map(|_| Sphere::new(random.point(side / 2.0), 0.5)).collect();
         let ways: Vec<_> = (0..n).map(|_| glam::Vec3::from(random.point(1.0)).normalize()).collect();
         let (mut held, mut gone, mut age, mut served) = (None, 0.0, 0, 0);
         for _ in 0..calls {

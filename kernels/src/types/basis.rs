@@ -38,7 +38,7 @@ pub(super) fn reduce(basis: &mut [DVec3], multiples: &mut [[f64; 3]; 3]) {
             let count = (basis[k].dot(orthogonal) / orthogonal.length_squared()).round();
             basis[k] -= basis[before] * count;
             let taken = multiples[before];
-            (0..3).for_each(|edge| multiples[k][edge] -= count * taken[edge]);
+            (0..3).for_each(|column| multiples[k][column] -= count * taken[column]);
         }
         let before = orthogonal_part(basis, k - 1);
         let along = basis[k].dot(before) / before.length_squared();

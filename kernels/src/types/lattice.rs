@@ -75,12 +75,12 @@ impl Lattice {
         let mut counts = [0.0; 3];
         // For distant points, one step is not enough.
         for _ in 0..4 {
-            let parts =
+            let more_counts =
                 [0, 1, 2].map(|k| if k < self.rank { self.inverse[k].dot(folded).floor() } else { 0.0 });
-            if parts == [0.0; 3] {
+            if more_counts == [0.0; 3] {
                 break;
             }
-            (0..3).for_each(|k| counts[k] += parts[k]);
+            (0..3).for_each(|k| counts[k] += more_counts[k]);
             folded = DVec3::from(point) * self.unit - combination(&self.basis, counts);
         }
         let fractions = self.inverse.map(|row| row.dot(folded));
@@ -94,7 +94,7 @@ impl Lattice {
 
     /// Converts multiples of the basis vectors into multiples of the cell vectors.
     pub fn shift(&self, counts: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|edge| (0..3).map(|k| counts[k] * self.multiples[k][edge]).sum())
+        [0, 1, 2].map(|column| (0..3).map(|k| counts[k] * self.multiples[k][column]).sum())
     }
 
     /// Returns an upper bound of the rounding error of [`wrap`](Self::wrap), [`image`](Self::image) and
@@ -102,8 +102,9 @@ impl Lattice {
     pub fn rounding(&self, extent: f64, counts: [f64; 3]) -> f64 {
         const PART: f64 = 1.0 / (1_u64 << 47) as f64;
         // No cell vector is longer than 2 in this unit.
-        let edges = |k: usize| 2.0 * self.multiples[k].iter().map(|multiples| multiples.abs()).sum::<f64>();
-        PART * (extent + (0..self.rank).map(|k| (counts[k] + 1.0) * edges(k)).sum::<f64>())
+        let multiples_sum =
+            |k: usize| 2.0 * self.multiples[k].iter().map(|multiples| multiples.abs()).sum::<f64>();
+        PART * (extent + (0..self.rank).map(|k| (counts[k] + 1.0) * multiples_sum(k)).sum::<f64>())
     }
 }
 
@@ -126,10 +127,10 @@ mod tests {
 
     #[test]
     fn folds_are_undone_by_their_shifts() {
-        let edges = [Some([4.0, 0.0, 0.0]), Some([11.5, 5.0, 0.0]), Some([0.3, -7.1, 6.0])];
+        let cell_vectors = [Some([4.0, 0.0, 0.0]), Some([11.5, 5.0, 0.0]), Some([0.3, -7.1, 6.0])];
         let spaces = [
-            Space::triclinic(edges),
-            Space::triclinic([edges[0], None, edges[2]]),
+            Space::triclinic(cell_vectors),
+            Space::triclinic([cell_vectors[0], None, cell_vectors[2]]),
             Space::periodic([None, Some(0.7), Some(2e9)]),
             Space::periodic([Some(3e-300), None, None]),
         ];

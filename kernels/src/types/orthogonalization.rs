@@ -131,8 +131,9 @@ impl Orthogonalization {
         let lengths = [a, b, c, 0.0];
         let mut wrapped = [0.0_f32; 4];
         for lane in 0..4 {
-            let part = x[lane] * center[0] + y[lane] * center[1] + z[lane] * center[2];
-            let (at, half) = ((lengths[lane] * (part - nearest(part))) as f32, 0.5 * lengths[lane] as f32);
+            let fraction = x[lane] * center[0] + y[lane] * center[1] + z[lane] * center[2];
+            let (at, half) =
+                ((lengths[lane] * (fraction - nearest(fraction))) as f32, 0.5 * lengths[lane] as f32);
             let at = if at < -half { -half } else { at };
             wrapped[lane] = if at > half { half } else { at };
         }
@@ -146,12 +147,12 @@ impl Orthogonalization {
         let mut scale = self.longest;
         for k in 0..3 {
             let length = self.lengths[k];
-            let part = self.inverse[k].dot(center);
+            let fraction = self.inverse[k].dot(center);
             let from_origin = length * self.inverse[k].abs().dot(center.abs());
             if k < self.rank {
-                orthogonal[k] = self.wrapped(k, part - part.round());
+                orthogonal[k] = self.wrapped(k, fraction - fraction.round());
             } else {
-                orthogonal[k] = (length * part) as f32;
+                orthogonal[k] = (length * fraction) as f32;
             }
             scale = scale.max(if k < self.rank { FAR * from_origin } else { from_origin });
         }
@@ -166,9 +167,9 @@ impl Orthogonalization {
     }
 
     #[inline]
-    fn wrapped(&self, k: usize, part: f64) -> f32 {
+    fn wrapped(&self, k: usize, fraction: f64) -> f32 {
         let half = 0.5 * self.lengths[k] as f32;
-        ((self.lengths[k] * part) as f32).clamp(-half, half)
+        ((self.lengths[k] * fraction) as f32).clamp(-half, half)
     }
 
     #[inline(always)]

@@ -61,7 +61,7 @@ impl Space {
         }
         let cell = TriclinicCell::new(cell_vectors)?;
         Ok(Self {
-            lengths: cell_vectors.map(|edge| edge.map(|edge| length(edge.into()))),
+            lengths: cell_vectors.map(|vector| vector.map(|vector| length(vector.into()))),
             triclinic: Some(cell),
         })
     }
@@ -161,15 +161,15 @@ fn length(vector: DVec3) -> f64 {
 }
 
 /// Returns `None` also for another order of axes, because shifts count the given vectors.
-fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
+fn along_axes(cell_vectors: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     let mut lengths = [None; 3];
-    for (axis, edge) in edges.iter().enumerate() {
-        let Some(edge) = edge else { continue };
-        let is_along = (0..3).all(|other| other == axis || edge[other] == 0.0);
-        if !is_along || edge[axis].is_nan() || edge[axis] <= 0.0 {
+    for (axis, vector) in cell_vectors.iter().enumerate() {
+        let Some(vector) = vector else { continue };
+        let is_along = (0..3).all(|other| other == axis || vector[other] == 0.0);
+        if !is_along || vector[axis].is_nan() || vector[axis] <= 0.0 {
             return None;
         }
-        lengths[axis] = Some(edge[axis]);
+        lengths[axis] = Some(vector[axis]);
     }
     Some(lengths)
 }

@@ -52,13 +52,13 @@ impl TriclinicCell {
         let unit = power_of_two_below(largest.recip().min(f64::MAX));
         let (mut basis, mut multiples) = ([DVec3::ZERO; 3], [[0.0; 3]; 3]);
         let mut rank = 0;
-        for (k, edge) in vectors.iter().enumerate() {
-            let Some(edge) = edge else { continue };
-            basis[rank] = DVec3::from(*edge) * unit;
+        for (k, vector) in vectors.iter().enumerate() {
+            let Some(vector) = vector else { continue };
+            basis[rank] = DVec3::from(*vector) * unit;
             multiples[rank][k] = 1.0;
             rank += 1;
         }
-        let longest = basis.iter().fold(0.0, |longest, edge| edge.length().max(longest));
+        let longest = basis.iter().fold(0.0, |longest, vector| vector.length().max(longest));
         let heights = heights(&inverse(&completed(basis, rank)));
         if !(longest.is_finite() && heights[..rank].iter().all(|&height| height >= MIN_THICKNESS * longest)) {
             return Err(refused());
@@ -66,7 +66,7 @@ impl TriclinicCell {
         reduce(&mut basis[..rank], &mut multiples);
         let basis = completed(basis, rank);
         let orthogonal = [0, 1, 2].map(|k| orthogonal_part(&basis, k));
-        let steps = orthogonal.map(|part| part / part.length_squared());
+        let steps = orthogonal.map(|vector| vector / vector.length_squared());
         let inverse = inverse(&basis);
         let (near_squared, near_count) = near(&orthogonal[..rank], &multiples);
         let mut cell = Self {
@@ -95,7 +95,7 @@ impl TriclinicCell {
     }
 
     pub(crate) fn scaled(self, scale: f64) -> Self {
-        let vectors = self.vectors.map(|edge| edge.map(|edge| edge.map(|number| number * scale)));
+        let vectors = self.vectors.map(|vector| vector.map(|vector| vector.map(|number| number * scale)));
         Self { vectors, unit: self.unit / scale, ..self }
     }
 
@@ -114,7 +114,7 @@ impl TriclinicCell {
 
     /// Returns the length of the longest cell vector.
     pub fn longest(&self) -> f64 {
-        let length = |edge: &[f64; 3]| (DVec3::from(*edge) * self.unit).length();
+        let length = |vector: &[f64; 3]| (DVec3::from(*vector) * self.unit).length();
         self.vectors.iter().flatten().map(length).fold(0.0, f64::max) / self.unit
     }
 
@@ -187,12 +187,12 @@ impl TriclinicCell {
         let mut counts = [0.0; 3];
         let mut apart = scaled;
         for _ in 0..MAX_WRAP_STEPS {
-            let parts =
+            let more_counts =
                 [0, 1, 2].map(|k| if k < self.rank { -self.inverse[k].dot(apart).round() } else { 0.0 });
-            if parts == [0.0; 3] {
+            if more_counts == [0.0; 3] {
                 break;
             }
-            (0..3).for_each(|k| counts[k] += parts[k]);
+            (0..3).for_each(|k| counts[k] += more_counts[k]);
             apart = scaled + combination(&self.basis, counts);
         }
         (apart, counts)
@@ -239,7 +239,7 @@ impl TriclinicCell {
     fn image(&self, vector: [f64; 3], counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let mut shift = [0.0; 3];
         for (count, multiples) in counts.iter().zip(&self.multiples) {
-            (0..3).for_each(|edge| shift[edge] += count * multiples[edge]);
+            (0..3).for_each(|k| shift[k] += count * multiples[k]);
         }
         (shift, shifted(vector, shift, &self.vectors))
     }
@@ -251,9 +251,9 @@ pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], vectors: &[Option<[f64;
     let mut image = vector;
     for axis in 0..3 {
         let mut sum: Option<f64> = None;
-        for (edge, count) in vectors.iter().zip(shift) {
-            if let Some(edge) = edge {
-                let term = count * edge[axis];
+        for (vector, count) in vectors.iter().zip(shift) {
+            if let Some(vector) = vector {
+                let term = count * vector[axis];
                 sum = Some(sum.map_or(term, |sum| sum + term));
             }
         }
@@ -264,7 +264,7 @@ pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], vectors: &[Option<[f64;
 }
 
 fn near(orthogonal: &[DVec3], multiples: &[[f64; 3]; 3]) -> (f64, f64) {
-    let shortest = orthogonal.iter().map(|part| part.length()).fold(f64::INFINITY, f64::min);
+    let shortest = orthogonal.iter().map(|vector| vector.length()).fold(f64::INFINITY, f64::min);
     let most = multiples.iter().flatten().map(|count| count.abs()).sum::<f64>();
     if shortest < MIN_NEAR_PART { (0.0, 0.0) } else { ((0.25 * shortest).powi(2), MAX_NEAR_MULTIPLES / most) }
 }
@@ -292,7 +292,8 @@ mod tests {
                 (case % 3 != 0).then(|| [tilt * random(), tilt * random(), 0.7]),
             ];
             let unit = [1.0, 1e-300, 1e150][case as usize / 140 % 3];
-            let vectors = vectors.map(|edge| edge.map(|edge: [f64; 3]| edge.map(|number| unit * number)));
+            let vectors =
+                vectors.map(|vector| vector.map(|vector: [f64; 3]| vector.map(|number| unit * number)));
             let Ok(cell) = TriclinicCell::new(vectors) else { continue };
             let size = [1.0, 0.1, 1e-4, 100.0, 1e5][case as usize / 28 % 5];
             let far = [50.0, 50.0, 1e5, 1e14][case as usize / 420 % 4];
@@ -310,15 +311,15 @@ mod tests {
 
     #[test]
     fn multiples_of_cell_vectors_that_overflow_hide_no_image() {
-        let edges = [[2.325e307, 0.0, 0.0], [0.0, 1.075e307, 0.0], [2.325e307, 5.375e306, 1.5e306]];
+        let cell_vectors = [[2.325e307, 0.0, 0.0], [0.0, 1.075e307, 0.0], [2.325e307, 5.375e306, 1.5e306]];
         let vector = [2e306, 0.0, -1.2e307];
-        let cell = TriclinicCell::new(edges.map(Some)).expect("a cell");
-        let part = 0.5_f64.powi(100);
-        let small = TriclinicCell::new(edges.map(|edge| Some(edge.map(|number| number * part))));
-        let (shift, image) = small.expect("a cell").minimum_image(vector.map(|number| number * part));
-        assert_eq!(cell.minimum_image(vector), (shift, image.map(|number| number / part)));
+        let cell = TriclinicCell::new(cell_vectors.map(Some)).expect("a cell");
+        let scale = 0.5_f64.powi(100);
+        let small = TriclinicCell::new(cell_vectors.map(|vector| Some(vector.map(|number| number * scale))));
+        let (shift, image) = small.expect("a cell").minimum_image(vector.map(|number| number * scale));
+        assert_eq!(cell.minimum_image(vector), (shift, image.map(|number| number / scale)));
         assert_eq!(shift.map(f64::abs), [8.0, 4.0, 8.0]);
-        let space = crate::Space::triclinic(edges.map(Some)).expect("a cell");
+        let space = crate::Space::triclinic(cell_vectors.map(Some)).expect("a cell");
         assert_eq!(space.image(vector, shift), cell.minimum_image(vector).1);
     }
 }

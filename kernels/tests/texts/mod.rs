@@ -24,8 +24,9 @@ fn name_of(kernel: &Kernel, variant: Variant) -> String {
     if let Some(size) = variant.subgroups {
         name += &format!("-subgroups-{size}");
     }
-    let parts = [(variant.species, "-species"), (variant.periodic, "-periodic"), (variant.reuse, "-reuse")];
-    for (is_so, what) in parts {
+    let suffixes =
+        [(variant.species, "-species"), (variant.periodic, "-periodic"), (variant.reuse, "-reuse")];
+    for (is_so, what) in suffixes {
         name += if is_so { what } else { "" };
     }
     name

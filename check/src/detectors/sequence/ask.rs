@@ -188,11 +188,11 @@ fn among_all(mut pairs: Vec<Pair>, first: usize) -> Vec<Pair> {
 }
 
 impl Received {
-    fn take(&mut self, part: &[Pair], ending: Ending, stop: &AtomicBool) -> ControlFlow<()> {
+    fn take(&mut self, chunk: &[Pair], ending: Ending, stop: &AtomicBool) -> ControlFlow<()> {
         self.late += usize::from(self.has_ended);
         self.chunks += 1;
-        self.longest = self.longest.max(part.len());
-        self.pairs.extend_from_slice(part);
+        self.longest = self.longest.max(chunk.len());
+        self.pairs.extend_from_slice(chunk);
         match ending {
             Ending::Break(at) if at == self.chunks => {
                 self.has_ended = true;
@@ -220,7 +220,7 @@ fn streamed(
     stream: impl FnOnce(&mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send)) -> Result<u64, Error>,
 ) -> Result<Answer, String> {
     let mut received = Received::default();
-    let mut consume = |part: &[Pair]| received.take(part, ending, stop);
+    let mut consume = |chunk: &[Pair]| received.take(chunk, ending, stop);
     let outcome = catch_unwind(AssertUnwindSafe(|| stream(&mut consume)));
     let Received { pairs, longest, has_ended, late, .. } = received;
     if late > 0 {

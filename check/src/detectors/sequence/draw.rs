@@ -60,8 +60,8 @@ fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
         1..=6 => Skin::Auto,
         _ if !keeps => Skin::Auto,
         _ => {
-            let part = [0.01, 0.1, 0.5, 0.5, 2.0, 20.0][random.below(6) as usize];
-            Skin::Fixed((part * radius).clamp(1e-14, 1e17).into())
+            let fraction = [0.01, 0.1, 0.5, 0.5, 2.0, 20.0][random.below(6) as usize];
+            Skin::Fixed((fraction * radius).clamp(1e-14, 1e17).into())
         }
     }
 }
@@ -106,9 +106,9 @@ fn world(random: &mut Random, variant: DetectorVariant) -> World {
         let n = number(random, variant, MAX_SPHERES[usize::from(space >= TRICLINIC)]);
         world.most = MAX_SPHERES[usize::from(space >= TRICLINIC)].min(CROWDING * n + 500);
         let neighbors = [0.3, 2.0, 2.0, 8.0][random.below(4) as usize];
-        let edge = world.radius * (n.max(8) as f32 * 33.5 / neighbors).cbrt();
+        let side = world.radius * (n.max(8) as f32 * 33.5 / neighbors).cbrt();
         let shape = [[1.0; 3], [1.0; 3], [1.0, 1.3, 0.8], [4.0, 4.0, 0.05]][random.below(4) as usize];
-        world.extent = shape.map(|part| part * edge);
+        world.extent = shape.map(|relative| relative * side);
         world.scenario.space = draw_space(random, space, world.extent);
         world.scenario.spheres = world.new_spheres(random, n);
     }
@@ -135,8 +135,8 @@ fn adversarial(random: &mut Random) -> TestInput {
 
 fn draw_space(random: &mut Random, kind: u32, extent: [f32; 3]) -> Space {
     let mut length = |k: usize| {
-        let part = [1.0, 1.0, 0.7, 1.5, 0.2][random.below(5) as usize];
-        (random.below(4) != 0).then_some(extent[k] * part)
+        let fraction = [1.0, 1.0, 0.7, 1.5, 0.2][random.below(5) as usize];
+        (random.below(4) != 0).then_some(extent[k] * fraction)
     };
     let lengths = [length(0), length(1), length(2)];
     match kind {

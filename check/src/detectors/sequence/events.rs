@@ -40,8 +40,8 @@ impl World {
     pub(super) fn walk(&mut self, random: &mut Random) {
         let times = [0.25, 1.0, 1.0, 4.0][random.below(4) as usize];
         let stride = crate::scenes::motion::stride(&self.scenario.spheres);
-        let part = self.motion * times * (self.radius / stride).min(1e6);
-        walk(&mut self.scenario.spheres, part, random.word());
+        let strides = self.motion * times * (self.radius / stride).min(1e6);
+        walk(&mut self.scenario.spheres, strides, random.word());
     }
 
     pub(super) fn remember(&mut self, scenario: TestInput) {
@@ -218,8 +218,8 @@ impl World {
                 "reversed"
             }
             _ => {
-                let part = [0.7, 0.999, 1.3][random.below(3) as usize];
-                spheres.iter_mut().for_each(|s| s.center = finite(s.center * part));
+                let factor = [0.7, 0.999, 1.3][random.below(3) as usize];
+                spheres.iter_mut().for_each(|s| s.center = finite(s.center * factor));
                 "all nearer or farther"
             }
         }

@@ -70,8 +70,9 @@ impl Triclinic {
 /// Returns `true` if `f64` still distinguishes images after a [walk].
 fn stays_near(scenario: &TestInput) -> bool {
     let least = 1e-6 * f64::from(stride(&scenario.spheres));
-    let mut edges = scenario.space.cell_vectors().into_iter().flatten();
-    scenario.space.triclinic_cell().is_none() || edges.all(|edge| DVec3::from(edge).length() > least)
+    let mut cell_vectors = scenario.space.cell_vectors().into_iter().flatten();
+    scenario.space.triclinic_cell().is_none()
+        || cell_vectors.all(|vector| DVec3::from(vector).length() > least)
 }
 
 fn one_of<T: Copy>(random: &mut Random, values: &[T]) -> T {

@@ -51,7 +51,7 @@ impl<'a> Verifier<'a> {
         match answer {
             Answer::Refused(error) => self.is_refused_rightly(error, range),
             Answer::Count(found) => in_range(*found, range),
-            Answer::Part(pairs) => self.part(pairs, expected),
+            Answer::Part(pairs) => self.verify_part(pairs, expected),
             Answer::Pairs(pairs) if self.is_limited() && pairs.len() as u64 > self.settings.max_pairs => {
                 Err(format!("{} pairs above the limit of {}", pairs.len(), self.settings.max_pairs))
             }
@@ -76,7 +76,7 @@ impl<'a> Verifier<'a> {
     }
 
     /// Requires distinct pairs, and in canonical order a complete beginning.
-    fn part(&self, pairs: &[Pair], expected: &[Pair]) -> Result<(), String> {
+    fn verify_part(&self, pairs: &[Pair], expected: &[Pair]) -> Result<(), String> {
         self.in_order(pairs)?;
         let mut all: Vec<Pair> = match (self.settings.order, pairs.last()) {
             // Tangent pairs before the last one may be missing.

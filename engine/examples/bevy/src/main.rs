@@ -126,8 +126,8 @@ impl Scene {
         // The largest centered square, in which spheres are round.
         let size = target.main_texture().size();
         let [width, height] = [size.width, size.height].map(|length| length as f32);
-        let edge = width.min(height);
-        pass.set_viewport(0.5 * (width - edge), 0.5 * (height - edge), edge, edge, 0.0, 1.0);
+        let side = width.min(height);
+        pass.set_viewport(0.5 * (width - side), 0.5 * (height - side), side, side, 0.0, 1.0);
         pass.draw(0..6, 0..PARTICLES);
     }
 }

@@ -76,10 +76,10 @@ pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
 pub(super) fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
     let radius = |k: usize| 0.5_f32.powi((k % classes) as i32);
     let volume = (0..spheres as usize).map(|k| 4.188_79 * radius(k).powi(3)).sum::<f32>();
-    let edge = (volume / density).cbrt();
+    let side = (volume / density).cbrt();
     // Additive recurrence by powers of 1/x for the root of x⁴ = x + 1.
     const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2];
-    let place = |k: usize| STEPS.map(|step| (k as f64 * step).fract() as f32 * edge);
+    let place = |k: usize| STEPS.map(|step| (k as f64 * step).fract() as f32 * side);
     (0..spheres as usize).map(|k| Sphere::new(place(k), radius(k))).collect()
 }
 
@@ -110,9 +110,9 @@ mod tests {
     fn scene_fills_the_given_fraction_of_space() {
         for classes in [1, 5] {
             let spheres = scene(10_000, classes, DENSITY);
-            let edge = spheres.iter().map(|s| s.center.x).fold(0.0, f32::max);
+            let side = spheres.iter().map(|s| s.center.x).fold(0.0, f32::max);
             let volume: f32 = spheres.iter().map(|s| 4.188_79 * s.radius.powi(3)).sum();
-            assert!((volume / edge.powi(3) - DENSITY).abs() < 0.01, "{classes} classes");
+            assert!((volume / side.powi(3) - DENSITY).abs() < 0.01, "{classes} classes");
             let mut radii: Vec<u32> = spheres.iter().map(|s| s.radius.to_bits()).collect();
             radii.sort_unstable();
             radii.dedup();

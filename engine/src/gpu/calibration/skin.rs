@@ -166,11 +166,11 @@ mod tests {
             found: call(new, true, [3.0, 8.0]),
         };
         let found = costs_from(&calls);
-        let parts = |costs: SkinCosts| {
+        let per_sphere = |costs: SkinCosts| {
             let SkinCosts { search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns, .. } = costs;
             [search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns]
         };
-        for (found, known) in parts(found).into_iter().zip(parts(known)) {
+        for (found, known) in per_sphere(found).into_iter().zip(per_sphere(known)) {
             assert!((found / known - 1.0).abs() < 1e-3, "{found} instead of {known}");
         }
         assert_eq!(found.min_worthwhile_spheres(), Some(78));

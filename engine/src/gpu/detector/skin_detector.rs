@@ -57,11 +57,11 @@ struct Resident {
 struct Candidates {
     found: GpuOutput,
     state: Buffers,
-    parts: SmallCache<(Key, Vec<u32>), Parts>,
+    recordings: SmallCache<(Key, Vec<u32>), SkinRecordings>,
 }
 
 #[derive(Debug)]
-struct Parts {
+struct SkinRecordings {
     before: Recording,
     counts: Buffers,
     after: Recording,
@@ -151,7 +151,7 @@ impl GpuSkinDetector {
     }
 
     /// Returns the used fraction of half the skin; `moved` has the bits of a squared displacement.
-    pub(crate) fn part(&self, moved: u32) -> f32 {
+    pub(crate) fn displacement_fraction(&self, moved: u32) -> f32 {
         f32::from_bits(moved).sqrt() / (self.skin / 2.0)
     }
 
@@ -195,8 +195,10 @@ impl GpuSkinDetector {
     /// Works like [`GpuDetector::encode_part`].
     pub fn encode_part(&self, encoder: &mut wgpu::CommandEncoder, part: u32) {
         let candidates = self.resident.as_ref().and_then(|resident| resident.candidates.as_ref());
-        let parts = candidates.and_then(|candidates| candidates.parts.current());
-        if let (Some(Parts { before, counts, after }), Some(search)) = (parts, self.search.recording()) {
+        let recordings = candidates.and_then(|candidates| candidates.recordings.current());
+        if let (Some(SkinRecordings { before, counts, after }), Some(search)) =
+            (recordings, self.search.recording())
+        {
             if part == 0 {
                 before.encode(encoder);
             }
@@ -230,7 +232,7 @@ impl GpuSkinDetector {
             Some(same) => candidates.insert(same),
             None => {
                 let state = Buffers::allocate(&self.device, &[skin::STATE])?;
-                candidates.insert(Candidates { found, state, parts: SmallCache::NONE })
+                candidates.insert(Candidates { found, state, recordings: SmallCache::NONE })
             }
         };
         let (window, split) = input.search();
@@ -259,10 +261,10 @@ impl GpuSkinDetector {
     }
 
     fn record(&self, buffers: &Buffers, candidates: &mut Candidates, key: Key) -> Result<(), Error> {
-        let Candidates { found, state, parts } = candidates;
+        let Candidates { found, state, recordings } = candidates;
         let search = self.search.recording();
         let groups = search.map(Recording::workgroup_counts).unwrap_or_default();
-        parts.get_or_insert_with((key, groups), |(key, groups)| {
+        recordings.get_or_insert_with((key, groups), |(key, groups)| {
             let half = self.skin / 2.0;
             let limit_squared = (half * USABLE).powi(2);
             let skin = SkinParams { half_skin: half, limit_squared, candidate_capacity: found.capacity };
@@ -314,7 +316,7 @@ impl GpuSkinDetector {
             let [before, after] = dispatches.map(|dispatches| {
                 Recording::new(&self.device, &self.pipelines, variant, dispatches, resolve)
             });
-            Ok(Parts { before: before?, counts, after: after? })
+            Ok(SkinRecordings { before: before?, counts, after: after? })
         })
     }
 }

@@ -90,7 +90,7 @@ fn the_kernel_wraps_as_the_host_does() {
 }
 
 #[test]
-fn a_further_part_is_timed_as_a_search() {
+fn continuation_is_timed_as_a_search() {
     let Some(gpu) = device_or_skip() else { return };
     if !gpu.adapter.has_timestamps {
         return;
@@ -104,9 +104,9 @@ fn a_further_part_is_timed_as_a_search() {
     let mut call = encoder(&gpu);
     detector.encode(&mut call, &GpuSpheres::new(&given, 3000)).expect("recorded");
     let first = ticks(&detector, call);
-    let mut part = encoder(&gpu);
-    detector.encode_continuation(&mut part);
-    let rest = ticks(&detector, part);
+    let mut continuation = encoder(&gpu);
+    detector.encode_continuation(&mut continuation);
+    let rest = ticks(&detector, continuation);
     for &phase in GpuPhase::ALL {
         let ([begin, end], [rest_begin, rest_end]) = (first[phase as usize], rest[phase as usize]);
         assert!(begin <= end && rest_begin <= rest_end, "{phase:?}: {first:?}, {rest:?}");

@@ -112,7 +112,7 @@ impl GpuDevice {
     /// # Errors
     /// See [`open`](Self::open).
     pub fn shared(software: SoftwareAdapter) -> Result<Self, Error> {
-        Self::share(SharedRequest::Best(software), || Self::open(software))
+        Self::get_shared(SharedRequest::Best(software), || Self::open(software))
     }
 
     /// Returns the process's shared device for this adapter.
@@ -120,10 +120,10 @@ impl GpuDevice {
     /// # Errors
     /// See [`open_adapter`](Self::open_adapter).
     pub fn shared_adapter(id: &AdapterId) -> Result<Self, Error> {
-        Self::share(SharedRequest::Named(id.clone()), || Self::open_adapter(id))
+        Self::get_shared(SharedRequest::Named(id.clone()), || Self::open_adapter(id))
     }
 
-    fn share(which: SharedRequest, open: impl FnOnce() -> Result<Self, Error>) -> Result<Self, Error> {
+    fn get_shared(which: SharedRequest, open: impl FnOnce() -> Result<Self, Error>) -> Result<Self, Error> {
         type Devices = HashMap<SharedRequest, Result<GpuDevice, Error>>;
         static DEVICES: Mutex<Option<Devices>> = Mutex::new(None);
         let mut devices = DEVICES.lock().unwrap_or_else(PoisonError::into_inner);

@@ -168,8 +168,8 @@ impl Plan {
 
     fn naive_tests_per_group(&self) -> u64 {
         let blocks = u64::from(self.spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
-        let shares = (u64::from(self.search_groups) / blocks).clamp(1, blocks);
-        blocks.div_ceil(shares) * u64::from(k::WORKGROUP_SIZE).pow(2)
+        let groups_per_block = (u64::from(self.search_groups) / blocks).clamp(1, blocks);
+        blocks.div_ceil(groups_per_block) * u64::from(k::WORKGROUP_SIZE).pow(2)
     }
 
     /// Returns the number of parts, one per dispatch of a divided or deferred search; the last divided dispatch and the

@@ -276,8 +276,8 @@ impl Plan {
         let kernel = dispatch.kernel;
         if kernel == &k::NAIVE_SEARCH {
             let blocks = self.spheres.div_ceil(k::WORKGROUP_SIZE).max(1);
-            let shares = (self.search_groups / blocks).clamp(1, blocks);
-            u64::from(blocks.div_ceil(shares)) * u64::from(k::NAIVE_ITERATIONS_PER_TILE)
+            let groups_per_block = (self.search_groups / blocks).clamp(1, blocks);
+            u64::from(blocks.div_ceil(groups_per_block)) * u64::from(k::NAIVE_ITERATIONS_PER_TILE)
         } else if kernel == &k::RUNS_SEARCH_FAR {
             u64::from(k::RUN_TILES * k::RUN_ITERATIONS_PER_TILE + u32::BITS)
         } else if kernel == &k::SCAN_SPINE {

@@ -113,7 +113,8 @@ impl GpuSession {
         stats.count = state.candidates.into();
         stats.rebuilt = before.and_then(|stats| stats.rebuilt).or(rebuilt);
         if before.is_none() {
-            skin.last_rebuild = (skin.age.saturating_add(1), skin.detector.part(state.last_displacement));
+            skin.last_rebuild =
+                (skin.age.saturating_add(1), skin.detector.displacement_fraction(state.last_displacement));
         }
         skin.age = match (stats.rebuilt, before) {
             (Some(_), _) => 0,

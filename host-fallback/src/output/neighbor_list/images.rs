@@ -21,7 +21,7 @@ const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
 const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
 /// Number of images between two reads of the stop flag.
 const STOP_STEPS: usize = 1 << 16;
-const WHAT: &str = "images of spheres";
+const IMAGES: &str = "images of spheres";
 
 /// Folded spheres and their images.
 #[derive(Debug, Default)]
@@ -113,7 +113,7 @@ impl PeriodicImages {
     /// Returns an image's sphere, and the cell vectors from `i` to the image.
     pub(super) fn shift(&self, i: u32, image: u32) -> (u32, [f64; 3]) {
         let (fold, shift) = (self.folds[i as usize], self.shifts[image as usize]);
-        (self.of[image as usize], [0, 1, 2].map(|edge| shift[edge] + fold[edge]))
+        (self.of[image as usize], [0, 1, 2].map(|k| shift[k] + fold[k]))
     }
 
     fn fold_all(&mut self, lattice: &Lattice, contact: &ContactTest<'_>) -> Result<Spread, Error> {
@@ -138,9 +138,9 @@ impl PeriodicImages {
     }
 
     fn reserve(&mut self, count: usize) -> Result<(), Error> {
-        try_resize(&mut self.images, count, WHAT)?;
-        try_resize(&mut self.of, count, WHAT)?;
-        try_resize(&mut self.shifts, count, WHAT)?;
+        try_resize(&mut self.images, count, IMAGES)?;
+        try_resize(&mut self.of, count, IMAGES)?;
+        try_resize(&mut self.shifts, count, IMAGES)?;
         self.images.clear();
         self.of.clear();
         self.shifts.clear();
@@ -170,7 +170,7 @@ impl PeriodicImages {
                     }
                     let steps = [a, b, c];
                     let counts = [0, 1, 2].map(|axis| steps[axis] - folded.counts[axis]);
-                    try_push(&mut self.steps, (steps, lattice.shift(counts)), WHAT)?;
+                    try_push(&mut self.steps, (steps, lattice.shift(counts)), IMAGES)?;
                 }
             }
         }
@@ -179,9 +179,9 @@ impl PeriodicImages {
             if at.is_multiple_of(STOP_STEPS) {
                 contact.check_stop()?;
             }
-            try_push(&mut self.images, row(lattice.image(&folded, steps), half_cutoff), WHAT)?;
-            try_push(&mut self.of, k as u32, WHAT)?;
-            try_push(&mut self.shifts, shift, WHAT)?;
+            try_push(&mut self.images, row(lattice.image(&folded, steps), half_cutoff), IMAGES)?;
+            try_push(&mut self.of, k as u32, IMAGES)?;
+            try_push(&mut self.shifts, shift, IMAGES)?;
         }
         Ok(())
     }
