@@ -59,19 +59,21 @@ impl Scope<'_> {
             return Err("it does not begin with a single comparison");
         };
         let (Expression::Binary { op, left, right }, [], [Statement::Break]) =
-            (self.of(*condition), &accept[..], &reject[..])
+            (self.expression(*condition), &accept[..], &reject[..])
         else {
             return Err("it does not begin with a single comparison");
         };
-        let Expression::Load { pointer } = self.of(*left) else { return Err("it compares no counter") };
-        let &Expression::LocalVariable(variable) = self.of(*pointer) else {
+        let Expression::Load { pointer } = self.expression(*left) else {
+            return Err("it compares no counter");
+        };
+        let &Expression::LocalVariable(variable) = self.expression(*pointer) else {
             return Err("it compares no counter");
         };
         let updates: Vec<_> = continuing.iter().filter(|s| !matches!(s, Statement::Emit(_))).collect();
         let [Statement::Store { pointer, value }] = updates[..] else {
             return Err("it has not one update");
         };
-        if self.of(*pointer) != &Expression::LocalVariable(variable) {
+        if self.expression(*pointer) != &Expression::LocalVariable(variable) {
             return Err("its update is not of its counter");
         }
         if self.changes(body, variable) {
@@ -91,12 +93,12 @@ impl Scope<'_> {
         limit: &Limit,
     ) -> Result<(), &'static str> {
         use BinaryOperator::{Add, And, Divide, Greater, Less, LessEqual, Multiply, NotEqual, Subtract};
-        let Expression::Binary { op: change, left, right } = *self.of(update) else {
+        let Expression::Binary { op: change, left, right } = *self.expression(update) else {
             return Err("its update is neither a step nor the clearing of a bit");
         };
         let is_counter = |value: Value| {
-            matches!(self.of(value), &Expression::Load { pointer }
-                if self.of(pointer) == &Expression::LocalVariable(counter.variable))
+            matches!(self.expression(value), &Expression::Load { pointer }
+                if self.expression(pointer) == &Expression::LocalVariable(counter.variable))
         };
         if !is_counter(left) {
             return Err("its update does not begin with its counter");
@@ -105,7 +107,7 @@ impl Scope<'_> {
             return Err("its limit may change while it runs");
         }
         let step = self.constant(right);
-        let lowest_cleared = matches!(*self.of(right), Expression::Binary { op: Subtract, left, right }
+        let lowest_cleared = matches!(*self.expression(right), Expression::Binary { op: Subtract, left, right }
             if is_counter(left) && self.constant(right) == Some(1));
         let fits = |step: u32| limit.constant.is_some_and(|most| most.checked_add(step).is_some());
         let grows = |by: u32| limit.constant.is_some_and(|most| most.checked_mul(by).is_some());
@@ -121,12 +123,12 @@ impl Scope<'_> {
         if ends { Ok(()) } else { Err("its counter may pass the limit, or never come to it") }
     }
 
-    fn of(&self, value: Value) -> &Expression {
+    fn expression(&self, value: Value) -> &Expression {
         &self.function.expressions[value]
     }
 
     fn constant(&self, value: Value) -> Option<u32> {
-        let literal = match *self.of(value) {
+        let literal = match *self.expression(value) {
             Expression::Constant(constant) => {
                 &self.module.global_expressions[self.module.constants[constant].init]
             }
@@ -141,7 +143,7 @@ impl Scope<'_> {
     fn start(&self, before: &[Statement], counter: Handle<LocalVariable>) -> Option<u32> {
         let stored = before.iter().rev().find_map(|statement| match statement {
             Statement::Store { pointer, value }
-                if self.of(*pointer) == &Expression::LocalVariable(counter) =>
+                if self.expression(*pointer) == &Expression::LocalVariable(counter) =>
             {
                 Some(*value)
             }
@@ -163,7 +165,7 @@ impl Scope<'_> {
     }
 
     fn root(&self, value: Value) -> &Expression {
-        match self.of(value) {
+        match self.expression(value) {
             Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => self.root(*base),
             other => other,
         }
@@ -181,7 +183,7 @@ impl Scope<'_> {
         if !inside.contains(&value) {
             return true;
         }
-        match self.of(value) {
+        match self.expression(value) {
             Expression::Binary { left, right, .. } => fixed(left) && fixed(right),
             Expression::Unary { expr, .. } | Expression::As { expr, .. } => fixed(expr),
             Expression::AccessIndex { base, .. } => fixed(base),

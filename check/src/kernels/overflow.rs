@@ -16,7 +16,7 @@ struct Searched<'a> {
 }
 
 impl<'a> Searched<'a> {
-    fn of(own: &'a GpuDevice, chosen: &'a ConfiguredCellList) -> Result<Self, KernelError> {
+    fn new(own: &'a GpuDevice, chosen: &'a ConfiguredCellList) -> Result<Self, KernelError> {
         let ConfiguredCellList { call, scenario, list, .. } = chosen;
         let (homes, _) = chosen.homes(&chosen.density(false), false);
         let mut order: Vec<u32> = (0..call.spheres).collect();
@@ -77,7 +77,7 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
                 call: SearchParams { tiles_per_submission, ..chosen.call },
                 ..chosen.clone()
             };
-            let searched = Searched::of(own, &parted)?;
+            let searched = Searched::new(own, &parted)?;
             searched.search_first_chunks()?;
             let mut parts = 0;
             while searched.outcome()?.has_remaining_work() {
@@ -98,7 +98,7 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
         let case = CellListCase { spheres: count, lengths: [None; 3], is_dense: false, division };
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
         let chosen = case.choose_for(own, spheres)?;
-        let searched = Searched::of(own, &chosen)?;
+        let searched = Searched::new(own, &chosen)?;
         searched.search_first_chunks()?;
         let chunk = chosen.call.candidates_per_invocation;
         let what = |what: &str| format!("{what} of {count} at one point");
@@ -129,7 +129,7 @@ fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
         let call =
             SearchParams { chunks_per_block, pair_capacity, consumer_workgroup_size: 64, ..chosen.call };
         let limited = ConfiguredCellList { call, ..chosen.clone() };
-        let searched = Searched::of(own, &limited)?;
+        let searched = Searched::new(own, &limited)?;
         let largest_at = 4 * u64::from(chosen.list.cells + 2);
         own.queue.write_buffer(searched.call.buffer("starts"), largest_at, bytemuck::bytes_of(&largest));
         let groups = count.div_ceil(k::WORKGROUP_SIZE) * chunks_per_block;
@@ -147,7 +147,7 @@ fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelErr
     for overflow in [0, Outcome::OVERFLOW_LAYOUT] {
         let variant = k::Variant { reuse: true, ..chosen.variant };
         let chosen = ConfiguredCellList { variant, ..chosen.clone() };
-        let searched = Searched::of(own, &chosen)?;
+        let searched = Searched::new(own, &chosen)?;
         let before = changed(Outcome::zeroed(), |new| new.overflow = overflow);
         own.queue.write_buffer(searched.call.buffer("outcome"), 0, bytemuck::bytes_of(&before));
         searched.search_first_chunks()?;

@@ -18,7 +18,7 @@ struct Runs<'a> {
 }
 
 impl<'a> Runs<'a> {
-    fn of(own: &'a GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
+    fn new(own: &'a GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = SearchParams {
             pair_capacity: PAIR_CAPACITY,
@@ -71,7 +71,7 @@ pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
         };
         let keys: Vec<u32> = (0..count).map(of).collect();
         let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
-        let runs = Runs::of(own, &spheres, &keys, passive)?;
+        let runs = Runs::new(own, &spheres, &keys, passive)?;
         runs.search()?;
         let expected = (0..count)
             .flat_map(|i| (i + 1..count).map(move |j| Pair { i, j }))
@@ -100,7 +100,7 @@ pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
             let expected: Vec<Pair> = (0..count)
                 .flat_map(|i| (i + 1..count).filter(move |&j| touch(i, j)).map(move |j| Pair { i, j }))
                 .collect();
-            let runs = Runs::of(own, &spheres, &keys, 0)?;
+            let runs = Runs::new(own, &spheres, &keys, 0)?;
             runs.search()?;
             let near = expected.iter().filter(|pair| pair.j - pair.i <= NEAR).copied().collect();
             let case = |what: &str| format!("{what}, runs of {lengths:?}, {variant:?}");

@@ -11,7 +11,7 @@ pub(crate) struct ImageOracle {
 }
 
 impl ImageOracle {
-    pub(crate) fn of(space: &Space) -> Self {
+    pub(crate) fn new(space: &Space) -> Self {
         let cell_vectors = space.cell_vectors();
         let numbered = cell_vectors.into_iter().enumerate();
         let mut descending: Vec<_> =
@@ -117,7 +117,7 @@ mod tests {
     fn image_distances_match_known_values() {
         let of = |vectors: [Option<DVec3>; 3]| {
             let vectors = vectors.map(|vector| vector.map(|vector| vector.to_array()));
-            ImageOracle::of(&Space::triclinic(vectors).expect("linearly independent vectors"))
+            ImageOracle::new(&Space::triclinic(vectors).expect("linearly independent vectors"))
         };
         let at = |images: &ImageOracle, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
         let triclinic = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);

@@ -124,7 +124,8 @@ impl TestInput {
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
         if self.space.triclinic_cell().is_some() {
-            return ImageOracle::of(&self.space).distance_squared(a.as_dvec3() - b.as_dvec3(), f64::INFINITY);
+            return ImageOracle::new(&self.space)
+                .distance_squared(a.as_dvec3() - b.as_dvec3(), f64::INFINITY);
         }
         if self.space.is_periodic() {
             return self.space.distance_squared(a, b);
@@ -138,7 +139,7 @@ impl TestInput {
         if self.space.triclinic_cell().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
         }
-        let images = ImageOracle::of(&self.space);
+        let images = ImageOracle::new(&self.space);
         self.pairs_by(|i, j, cutoff| {
             let [a, b] = [i, j].map(|k| self.spheres[k].center.as_dvec3());
             images.distance_squared(a - b, cutoff)

@@ -35,36 +35,36 @@ fn place(mut coordinate: impl FnMut() -> f32) -> [f32; 3] {
 /// Lattices in contact, exact for dyadic spacings.
 pub fn lattice(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
-    let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 0.1, 0.3, 1.0 / 3.0, 1e-3, 1.1e-20, 7.7e15]);
-    let shift = choices.of(&[0.0_f32, 0.5, 1.0, -4.0, 1e3, -1e6]);
-    words.each(|of| {
-        let at = Vec3::from(place(|| of.below(8) as f32));
-        Sphere::new((at + shift) * spacing, of.of(&[0.5, 1.0, 0.0]) * spacing)
+    let spacing = choices.pick(&[1.0_f32, 0.25, 3.0, 0.1, 0.3, 1.0 / 3.0, 1e-3, 1.1e-20, 7.7e15]);
+    let shift = choices.pick(&[0.0_f32, 0.5, 1.0, -4.0, 1e3, -1e6]);
+    words.each(|reader| {
+        let at = Vec3::from(place(|| reader.below(8) as f32));
+        Sphere::new((at + shift) * spacing, reader.pick(&[0.5, 1.0, 0.0]) * spacing)
     })
 }
 
 pub fn duplicates(words: &SceneSeed) -> Vec<Sphere> {
-    let originals =
-        words.each(|of| Sphere::new(place(|| of.between(-2.0, 2.0)), of.of(&[0.0, 1e-3, 1.0, 2.0])));
+    let originals = words
+        .each(|reader| Sphere::new(place(|| reader.between(-2.0, 2.0)), reader.pick(&[0.0, 1e-3, 1.0, 2.0])));
     let few = (1 + words.reader().below(5) as usize).min(originals.len());
-    words.each(|of| {
+    words.each(|reader| {
         // Skips the words of the original.
-        let _ = [(); 4].map(|()| of.below(1));
-        of.of(&originals[..few])
+        let _ = [(); 4].map(|()| reader.below(1));
+        reader.pick(&originals[..few])
     })
 }
 
 /// One huge sphere among tiny ones inside, at its surface and outside.
 pub fn giant(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
-    let tiny = choices.of(&[1e-3_f32, 1.0, 1e10, 1e-30]);
-    let radius = choices.of(&[1e6_f32, (1 << 20) as f32]) * tiny;
+    let tiny = choices.pick(&[1e-3_f32, 1.0, 1e10, 1e-30]);
+    let radius = choices.pick(&[1e6_f32, (1 << 20) as f32]) * tiny;
     let ulp = f64::from(radius) - f64::from(radius.next_down());
-    let mut spheres = words.each(|of| {
-        let direction = DVec3::from([(); 3].map(|()| f64::from(of.within(3))));
-        let other = of.once_in(4);
-        let depth = if other { of.of(&[0.0, 0.5, 1.0 + 1e-6, 1.5]) } else { 1.0 };
-        let distance = depth * f64::from(radius + tiny) + f64::from(of.within(3)) * ulp;
+    let mut spheres = words.each(|reader| {
+        let direction = DVec3::from([(); 3].map(|()| f64::from(reader.within(3))));
+        let other = reader.once_in(4);
+        let depth = if other { reader.pick(&[0.0, 0.5, 1.0 + 1e-6, 1.5]) } else { 1.0 };
+        let distance = depth * f64::from(radius + tiny) + f64::from(reader.within(3)) * ulp;
         Sphere::new((direction.normalize_or_zero() * distance).as_vec3(), tiny)
     });
     let at = choices.below(spheres.len() as u32 + 1);
@@ -74,33 +74,33 @@ pub fn giant(words: &SceneSeed) -> Vec<Sphere> {
 
 /// Spheres with radii over twenty powers of two, many in exact contact.
 pub fn powers_of_two(words: &SceneSeed) -> Vec<Sphere> {
-    let unit = words.reader().of(&[1.0_f32, 0.25, 8.0]);
-    words.each(|of| {
-        let center = place(|| of.within(32) as f32 * unit);
-        Sphere::new(center, (of.within(10) as f32).exp2())
+    let unit = words.reader().pick(&[1.0_f32, 0.25, 8.0]);
+    words.each(|reader| {
+        let center = place(|| reader.within(32) as f32 * unit);
+        Sphere::new(center, (reader.within(10) as f32).exp2())
     })
 }
 
 pub fn flat(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
-    let axes = choices.of(&[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]]);
+    let axes = choices.pick(&[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]]);
     let diagonal = choices.below(2) == 1;
     let origin = Vec3::from(place(|| choices.between(-5.0, 5.0)));
-    words.each(|of| {
-        let at = Vec3::from(place(|| of.between(-20.0, 20.0)));
+    words.each(|reader| {
+        let at = Vec3::from(place(|| reader.between(-20.0, 20.0)));
         let along = if diagonal { Vec3::splat(at.x) } else { at };
-        Sphere::new(origin + along * Vec3::from(axes), of.between(0.0, 1.5))
+        Sphere::new(origin + along * Vec3::from(axes), reader.between(0.0, 1.5))
     })
 }
 
 /// Clusters of clusters of clusters.
 pub fn clusters(words: &SceneSeed) -> Vec<Sphere> {
-    let scale = words.reader().of(&[1e-2_f32, 1e-4, 1.0 / 1024.0]);
-    words.each(|of| {
-        let digits = [(); 3].map(|()| Vec3::from(place(|| of.within(1) as f32)));
+    let scale = words.reader().pick(&[1e-2_f32, 1e-4, 1.0 / 1024.0]);
+    words.each(|reader| {
+        let digits = [(); 3].map(|()| Vec3::from(place(|| reader.within(1) as f32)));
         let center = digits.iter().rev().fold(Vec3::ZERO, |at, digit| at * scale + *digit);
-        let level = of.below(3) as i32;
-        Sphere::new(center, of.of(&[0.1, 0.5, 1.0]) * scale.powi(level))
+        let level = reader.below(3) as i32;
+        Sphere::new(center, reader.pick(&[0.1, 0.5, 1.0]) * scale.powi(level))
     })
 }
 
@@ -111,70 +111,70 @@ pub fn far(words: &SceneSeed) -> Vec<Sphere> {
     let base = if exponent > 38 { f32::MAX } else { 10_f32.powi(exponent) };
     let both_sides = choices.below(2) == 1;
     let ulp = f64::from(base) - f64::from(base.next_down());
-    words.each(|of| {
+    words.each(|reader| {
         let center = place(|| {
-            let x = f32::from_bits(base.to_bits() - of.below(8));
-            if of.below(2) == 1 && both_sides { -x } else { x }
+            let x = f32::from_bits(base.to_bits() - reader.below(8));
+            if reader.below(2) == 1 && both_sides { -x } else { x }
         });
-        let radius = match of.once_in(5) {
-            false => of.of(&[0.0_f64, 0.5, 1.0, 1.5, 2.0]) * ulp,
-            true => of.of(&[1e-30_f64, 1e-3, 1.0, 1e3]),
+        let radius = match reader.once_in(5) {
+            false => reader.pick(&[0.0_f64, 0.5, 1.0, 1.5, 2.0]) * ulp,
+            true => reader.pick(&[1e-30_f64, 1e-3, 1.0, 1e3]),
         };
         sphere(center.into(), radius as f32)
     })
 }
 
-fn any_magnitude(of: &mut SeedReader<'_>) -> f32 {
-    let x = of.float_below(f32::INFINITY.to_bits());
-    of.signed(x)
+fn any_magnitude(reader: &mut SeedReader<'_>) -> f32 {
+    let x = reader.float_below(f32::INFINITY.to_bits());
+    reader.signed(x)
 }
 
 /// Coordinates and radii log-uniform over all of `f32`.
 pub fn any_floats(words: &SceneSeed) -> Vec<Sphere> {
-    words.each(|of| Sphere::new(place(|| any_magnitude(of)), any_magnitude(of).abs()))
+    words.each(|reader| Sphere::new(place(|| any_magnitude(reader)), any_magnitude(reader).abs()))
 }
 
 /// Values log-uniform over four binades anywhere in `f32`.
 pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let lowest = if choices.below(4) == 0 { 0 } else { choices.below(251) };
-    let value = |of: &mut SeedReader<'_>| {
-        let x = f32::from_bits(of.below(4 << 23) + (lowest << 23));
-        of.signed(x)
+    let value = |reader: &mut SeedReader<'_>| {
+        let x = f32::from_bits(reader.below(4 << 23) + (lowest << 23));
+        reader.signed(x)
     };
-    words.each(|of| Sphere::new(place(|| value(of)), value(of).abs()))
+    words.each(|reader| Sphere::new(place(|| value(reader)), value(reader).abs()))
 }
 
 /// Returns a length near which `f32` arithmetic changes: subnormal, or with a square that underflows or
 /// overflows.
-pub(crate) fn extreme_unit(of: &mut SeedReader<'_>) -> f32 {
+pub(crate) fn extreme_unit(reader: &mut SeedReader<'_>) -> f32 {
     let exponents =
         [-76, -149, -147, -130, -127, -126, -125, -120, -101, -64, -41, -39, 59, 64, 100, 119, 121];
-    f64::from(of.of(&exponents)).exp2() as f32
+    f64::from(reader.pick(&exponents)).exp2() as f32
 }
 
 /// Spheres a few `extreme_unit`s wide and apart, in some scenes far away.
 pub fn extremes(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let (unit, other) = (extreme_unit(&mut choices), extreme_unit(&mut choices));
-    let away = choices.of(&[[0.0_f32; 3], [0.0, 1.0, 0.0], [1e30, 0.0, 0.0], [0.0, 0.0, -3e38]]);
-    words.each(|of| {
-        let quarter = 0.25 * f64::from(if of.once_in(8) { other } else { unit });
-        let center = away.map(|away| (f64::from(of.within(32)) * quarter + f64::from(away)) as f32);
-        sphere(center.into(), (f64::from(of.below(9)) * quarter) as f32)
+    let away = choices.pick(&[[0.0_f32; 3], [0.0, 1.0, 0.0], [1e30, 0.0, 0.0], [0.0, 0.0, -3e38]]);
+    words.each(|reader| {
+        let quarter = 0.25 * f64::from(if reader.once_in(8) { other } else { unit });
+        let center = away.map(|away| (f64::from(reader.within(32)) * quarter + f64::from(away)) as f32);
+        sphere(center.into(), (f64::from(reader.below(9)) * quarter) as f32)
     })
 }
 
 /// Radii whose squares overflow `f32`.
 pub fn huge_radii(words: &SceneSeed) -> Vec<Sphere> {
     let least = 1e19_f32.to_bits();
-    words.each(|of| {
-        let radius = f32::from_bits(least + of.below(f32::MAX.to_bits() - least + 1));
-        let center = place(|| match of.below(3) {
-            0 => of.between(-1e20, 1e20),
-            1 => any_magnitude(of),
+    words.each(|reader| {
+        let radius = f32::from_bits(least + reader.below(f32::MAX.to_bits() - least + 1));
+        let center = place(|| match reader.below(3) {
+            0 => reader.between(-1e20, 1e20),
+            1 => any_magnitude(reader),
             // `between` needs a finite span.
-            _ => 2.0 * of.between(-0.5 * f32::MAX, 0.5 * f32::MAX),
+            _ => 2.0 * reader.between(-0.5 * f32::MAX, 0.5 * f32::MAX),
         });
         Sphere::new(center, radius)
     })
@@ -182,13 +182,13 @@ pub fn huge_radii(words: &SceneSeed) -> Vec<Sphere> {
 
 /// Overlapping spheres in a box.
 pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
-    words.each(|of| {
-        let radius = match of.below(7) {
+    words.each(|reader| {
+        let radius = match reader.below(7) {
             0 => 0.0,
-            1 => of.between(0.4, 2.0),
-            _ => of.between(0.0, 0.4),
+            1 => reader.between(0.4, 2.0),
+            _ => reader.between(0.0, 0.4),
         };
-        Sphere::new(place(|| of.between(-3.0, 3.0)), radius)
+        Sphere::new(place(|| reader.between(-3.0, 3.0)), radius)
     })
 }
 
@@ -199,7 +199,7 @@ pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> S
     let mut choices = SeedReader::new(table);
     let count = 1 + choices.below(4);
     let mut interaction = || {
-        let (kind, factor) = (choices.below(6), choices.of(&[1.0_f32, 0.5, 2.0]));
+        let (kind, factor) = (choices.below(6), choices.pick(&[1.0_f32, 0.5, 2.0]));
         let (i, j) = (choices.below(spheres.len() as u32), choices.below(spheres.len() as u32));
         match kind {
             0 => Interaction::Never,

@@ -21,9 +21,9 @@ pub const FAMILIES: [PeriodicSceneFamily; 6] = [
 ];
 
 /// One axis in four is unbounded.
-pub fn lengths(of: &mut SeedReader<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
+pub fn lengths(reader: &mut SeedReader<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
     [(); 3].map(|()| {
-        let (length, is_unbounded) = (of.of(lengths), of.once_in(4));
+        let (length, is_unbounded) = (reader.pick(lengths), reader.once_in(4));
         (!is_unbounded).then_some(length)
     })
 }
@@ -39,12 +39,12 @@ fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
 /// Lattice sites in exact contact. Some spheres exceed the box.
 pub fn lattice(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
-    let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);
-    let shift = choices.of(&[0.0_f32, 0.5, -1024.0]);
+    let spacing = choices.pick(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);
+    let shift = choices.pick(&[0.0_f32, 0.5, -1024.0]);
     let counts = lengths(&mut choices, &[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-    let spheres = words.each(|of| {
-        let center = [(); 3].map(|()| ((of.below(24) as f32 - 12.0) + shift) * spacing);
-        Sphere::new(center, of.of(&[0.5_f32, 0.5, 0.5, 1.0, 0.0, 6.0]) * spacing)
+    let spheres = words.each(|reader| {
+        let center = [(); 3].map(|()| ((reader.below(24) as f32 - 12.0) + shift) * spacing);
+        Sphere::new(center, reader.pick(&[0.5_f32, 0.5, 0.5, 1.0, 0.0, 6.0]) * spacing)
     });
     in_box(spheres, counts.map(|count| count.map(|count| count * spacing)))
 }
@@ -57,14 +57,14 @@ pub fn soup(words: &SceneSeed) -> TestInput {
         1 => lengths(&mut choices, &[0.3, 1.1, 2.5, 5.0]),
         _ => [(); 3].map(|()| Some(choices.between(0.05, 9.0))),
     };
-    let spheres = words.each(|of| {
-        let radius = match of.below(10) {
+    let spheres = words.each(|reader| {
+        let radius = match reader.below(10) {
             0 => 0.0,
-            1 => of.between(1.5, 12.0),
-            2 | 3 => of.between(0.3, 1.5),
-            _ => of.between(0.0, 0.3),
+            1 => reader.between(1.5, 12.0),
+            2 | 3 => reader.between(0.3, 1.5),
+            _ => reader.between(0.0, 0.3),
         };
-        Sphere::new([(); 3].map(|()| of.between(-4.0, 4.0)), radius)
+        Sphere::new([(); 3].map(|()| reader.between(-4.0, 4.0)), radius)
     });
     in_box(spheres, lengths)
 }
@@ -72,13 +72,13 @@ pub fn soup(words: &SceneSeed) -> TestInput {
 /// Spheres within a few ulp of the corner and the boundaries.
 pub fn corner(words: &SceneSeed) -> TestInput {
     let lengths = lengths(&mut words.reader(), &[1.0, 10.0, 0.1, 3.3]);
-    let spheres = words.each(|of| {
+    let spheres = words.each(|reader| {
         let center = lengths.map(|length| {
-            let x = of.of(&[0.0_f32, 0.5, -0.5, 1.0, -1.0, 2.0]) * length.unwrap_or(1.0);
-            let ulps = of.within(3);
+            let x = reader.pick(&[0.0_f32, 0.5, -0.5, 1.0, -1.0, 2.0]) * length.unwrap_or(1.0);
+            let ulps = reader.within(3);
             (0..ulps.abs()).fold(x, |x, _| if ulps > 0 { x.next_up() } else { x.next_down() })
         });
-        Sphere::new(center, of.of(&[0.0, 1e-7, 2e-7, 0.01, 0.2]))
+        Sphere::new(center, reader.pick(&[0.0, 1e-7, 2e-7, 0.01, 0.2]))
     });
     in_box(spheres, lengths)
 }
@@ -87,16 +87,16 @@ pub fn corner(words: &SceneSeed) -> TestInput {
 pub fn unwrapped(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let lengths = [(); 3].map(|()| {
-        let length = choices.of(&[2.0_f32, 1.625, 0.75, 1.0 / 3.0]);
+        let length = choices.pick(&[2.0_f32, 1.625, 0.75, 1.0 / 3.0]);
         (length * 1024.0 * 1024.0).round() / (1024.0 * 1024.0)
     });
-    let spheres = words.each(|of| {
+    let spheres = words.each(|reader| {
         let center = lengths.map(|length| {
-            let (at, is_far, doublings) = (of.within(1024), of.below(2) == 1, of.below(50));
+            let (at, is_far, doublings) = (reader.within(1024), reader.below(2) == 1, reader.below(50));
             let turns = if is_far { length * (doublings as f32).exp2() } else { 0.0 };
             at as f32 / 1024.0 + turns
         });
-        Sphere::new(center, of.below(256) as f32 / 1024.0)
+        Sphere::new(center, reader.below(256) as f32 / 1024.0)
     });
     in_box(spheres, lengths.map(Some))
 }
@@ -111,9 +111,9 @@ pub fn extremes(words: &SceneSeed) -> TestInput {
         false => lengths(&mut choices, &[1.0, 2.5, 7.0, 16.0, 0.25])
             .map(|length| length.map(|length| of_quarters(4.0 * f64::from(length)).max(unit))),
     };
-    let spheres = words.each(|of| {
-        let center = [(); 3].map(|()| of_quarters(of.within(32).into()));
-        Sphere::new(center, of_quarters(of.below(9).into()))
+    let spheres = words.each(|reader| {
+        let center = [(); 3].map(|()| of_quarters(reader.within(32).into()));
+        Sphere::new(center, of_quarters(reader.below(9).into()))
     });
     in_box(spheres, lengths)
 }
@@ -124,7 +124,7 @@ pub fn giant(words: &SceneSeed) -> TestInput {
     let lengths = lengths(&mut choices, &[10.0, 6.0, 2.0]);
     let at = [(); 3].map(|()| choices.between(0.0, 10.0));
     let giant = Sphere::new(at, choices.between(0.5, 12.0));
-    let mut spheres = words.each(|of| Sphere::new([(); 3].map(|()| of.between(0.0, 10.0)), 0.05));
+    let mut spheres = words.each(|reader| Sphere::new([(); 3].map(|()| reader.between(0.0, 10.0)), 0.05));
     spheres.insert(spheres.len() / 2, giant);
     in_box(spheres, lengths)
 }

@@ -21,8 +21,8 @@ impl SceneSeed {
         SeedReader::new(&self.setup)
     }
 
-    pub fn each<T>(&self, mut of: impl FnMut(&mut SeedReader<'_>) -> T) -> Vec<T> {
-        self.elements.iter().map(|words| of(&mut SeedReader::new(words))).collect()
+    pub fn each<T>(&self, mut reader: impl FnMut(&mut SeedReader<'_>) -> T) -> Vec<T> {
+        self.elements.iter().map(|words| reader(&mut SeedReader::new(words))).collect()
     }
 }
 
@@ -49,7 +49,7 @@ impl<'a> SeedReader<'a> {
     ///
     /// # Panics
     /// If `values` is empty.
-    pub fn of<T: Copy>(&mut self, values: &[T]) -> T {
+    pub fn pick<T: Copy>(&mut self, values: &[T]) -> T {
         values[self.below(values.len() as u32) as usize]
     }
 
@@ -86,11 +86,14 @@ mod tests {
     #[test]
     fn small_words_are_simple_and_large_words_reach_the_limit() {
         let mut least = SeedReader::new(&[]);
-        assert_eq!((least.below(7), least.within(3), least.of(&[5, 6]), least.once_in(2)), (0, 0, 5, false));
+        assert_eq!(
+            (least.below(7), least.within(3), least.pick(&[5, 6]), least.once_in(2)),
+            (0, 0, 5, false)
+        );
         assert_eq!((least.between(-1.0, 1.0), least.float_below(9), least.signed(2.0)), (-1.0, 0.0, 2.0));
         let words = [u32::MAX; 5];
         let mut most = SeedReader::new(&words);
-        assert_eq!((most.below(7), most.within(3), most.of(&[5, 6]), most.once_in(2)), (6, 3, 6, true));
+        assert_eq!((most.below(7), most.within(3), most.pick(&[5, 6]), most.once_in(2)), (6, 3, 6, true));
         assert_eq!(most.float_below(9).to_bits(), 8);
         let all = SceneSeed::drawn(&mut Random(1), 99).each(|c| c.within(3));
         assert!((-3..=3).all(|x| all.contains(&x)), "{all:?}");

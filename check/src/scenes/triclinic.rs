@@ -33,22 +33,22 @@ fn in_space(spheres: Vec<Sphere>, cell_vectors: [Option<Vec3>; 3]) -> TestInput 
     TestInput { space: space(cell_vectors), ..spheres.into() }
 }
 
-fn some_of(of: &mut SeedReader<'_>, cell_vectors: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
-    let taken = if of.below(2) == 0 { 7 } else { 1 + of.below(7) };
+fn some_of(reader: &mut SeedReader<'_>, cell_vectors: [Option<Vec3>; 3]) -> [Option<Vec3>; 3] {
+    let taken = if reader.below(2) == 0 { 7 } else { 1 + reader.below(7) };
     [0, 1, 2].map(|k| cell_vectors[k].filter(|_| taken >> k & 1 == 1))
 }
 
 /// Lattice sites in exact contact, in cells tilted by whole and half sites.
 pub fn lattice(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
-    let spacing = choices.of(&[1.0_f32, 0.25, 1024.0]);
-    let shift = choices.of(&[0.0_f32, 0.5, -64.0]);
-    let lengths = [(); 3].map(|()| Some(choices.of(&[4.0_f32, 1.0, 2.0, 3.0, 5.0, 7.0]) * spacing));
+    let spacing = choices.pick(&[1.0_f32, 0.25, 1024.0]);
+    let shift = choices.pick(&[0.0_f32, 0.5, -64.0]);
+    let lengths = [(); 3].map(|()| Some(choices.pick(&[4.0_f32, 1.0, 2.0, 3.0, 5.0, 7.0]) * spacing));
     let tilts = [(); 3].map(|()| choices.within(12) as f32 * 0.5 * spacing);
     let cell_vectors = some_of(&mut choices, tilted(lengths, tilts));
-    let spheres = words.each(|of| {
-        let center = [(); 3].map(|()| ((of.below(24) as f32 - 12.0) + shift) * spacing);
-        Sphere::new(center, of.of(&[0.5_f32, 0.5, 0.5, 1.0, 0.0, 6.0]) * spacing)
+    let spheres = words.each(|reader| {
+        let center = [(); 3].map(|()| ((reader.below(24) as f32 - 12.0) + shift) * spacing);
+        Sphere::new(center, reader.pick(&[0.5_f32, 0.5, 0.5, 1.0, 0.0, 6.0]) * spacing)
     });
     in_space(spheres, cell_vectors)
 }
@@ -56,7 +56,7 @@ pub fn lattice(words: &SceneSeed) -> TestInput {
 /// Cells with tilts of half a length, as LAMMPS allows, and much more.
 pub fn soup(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
-    let most = choices.of(&[0.5_f32, 0.5, 1.5, 6.0]);
+    let most = choices.pick(&[0.5_f32, 0.5, 1.5, 6.0]);
     let lengths = [(); 3].map(|()| choices.between(0.7, 8.0));
     let tilts = [(1, 0), (2, 0), (2, 1)].map(|(_, along)| choices.between(-most, most) * lengths[along]);
     let cell_vectors = some_of(&mut choices, tilted(lengths.map(Some), tilts));
@@ -68,7 +68,7 @@ pub fn directions(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let mut cell_vector = || {
         let direction = Vec3::from([(); 3].map(|()| choices.between(-1.0, 1.0)));
-        direction * choices.of(&[3.0_f32, 0.4, 8.0, 40.0])
+        direction * choices.pick(&[3.0_f32, 0.4, 8.0, 40.0])
     };
     let mut cell_vectors = [cell_vector(), cell_vector(), cell_vector()];
     let volume = cell_vectors[0].cross(cell_vectors[1]).dot(cell_vectors[2]);
@@ -81,14 +81,14 @@ pub fn directions(words: &SceneSeed) -> TestInput {
 
 /// Radii range from 0 to more than a cell.
 pub fn sizes(words: &SceneSeed) -> Vec<Sphere> {
-    words.each(|of| {
-        let radius = match of.below(10) {
+    words.each(|reader| {
+        let radius = match reader.below(10) {
             0 => 0.0,
-            1 => of.between(1.5, 9.0),
-            2 | 3 => of.between(0.3, 1.5),
-            _ => of.between(0.0, 0.3),
+            1 => reader.between(1.5, 9.0),
+            2 | 3 => reader.between(0.3, 1.5),
+            _ => reader.between(0.0, 0.3),
         };
-        Sphere::new([(); 3].map(|()| of.between(-6.0, 6.0)), radius)
+        Sphere::new([(); 3].map(|()| reader.between(-6.0, 6.0)), radius)
     })
 }
 
@@ -96,16 +96,16 @@ pub fn sizes(words: &SceneSeed) -> Vec<Sphere> {
 /// 2¹⁵.
 pub fn carried_away(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
-    let quarters = |of: &mut SeedReader<'_>, most: i32| of.within(most) as f32 / 4.0;
-    let lengths = [(); 3].map(|()| Some(choices.of(&[2.0_f32, 3.25, 1.5])));
+    let quarters = |reader: &mut SeedReader<'_>, most: i32| reader.within(most) as f32 / 4.0;
+    let lengths = [(); 3].map(|()| Some(choices.pick(&[2.0_f32, 3.25, 1.5])));
     let tilts = [(); 3].map(|()| quarters(&mut choices, 9));
     let cell_vectors = some_of(&mut choices, tilted(lengths, tilts));
-    let spheres = words.each(|of| {
-        let mut center = Vec3::from([(); 3].map(|()| of.within(256) as f32 / 256.0));
+    let spheres = words.each(|reader| {
+        let mut center = Vec3::from([(); 3].map(|()| reader.within(256) as f32 / 256.0));
         for cell_vector in cell_vectors.iter().flatten() {
-            center += *cell_vector * of.within(1024) as f32;
+            center += *cell_vector * reader.within(1024) as f32;
         }
-        Sphere::new(center, of.below(128) as f32 / 256.0)
+        Sphere::new(center, reader.below(128) as f32 / 256.0)
     });
     in_space(spheres, cell_vectors)
 }
@@ -113,19 +113,19 @@ pub fn carried_away(words: &SceneSeed) -> TestInput {
 /// Spheres within a few ulp of the corner and the boundaries.
 pub fn corners(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
-    let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 10.0, 0.1, 3.3])));
-    let tilts = [(); 3].map(|()| choices.of(&[0.0_f32, 0.5, -0.25, 1.0, 0.05]));
+    let lengths = [(); 3].map(|()| Some(choices.pick(&[1.0_f32, 10.0, 0.1, 3.3])));
+    let tilts = [(); 3].map(|()| choices.pick(&[0.0_f32, 0.5, -0.25, 1.0, 0.05]));
     let cell_vectors = some_of(&mut choices, tilted(lengths, tilts));
-    let spheres = words.each(|of| {
+    let spheres = words.each(|reader| {
         let mut center = Vec3::ZERO;
         for cell_vector in tilted(lengths, tilts).into_iter().flatten() {
-            center += cell_vector * of.of(&[0.0_f32, 0.5, -0.5, 1.0, 0.25]);
+            center += cell_vector * reader.pick(&[0.0_f32, 0.5, -0.5, 1.0, 0.25]);
         }
         let center = center.to_array().map(|x| {
-            let ulps = of.within(3);
+            let ulps = reader.within(3);
             (0..ulps.abs()).fold(x, |x, _| if ulps > 0 { x.next_up() } else { x.next_down() })
         });
-        Sphere::new(center, of.of(&[0.0, 1e-7, 2e-7, 0.01, 0.2]))
+        Sphere::new(center, reader.pick(&[0.0, 1e-7, 2e-7, 0.01, 0.2]))
     });
     in_space(spheres, cell_vectors)
 }
@@ -133,13 +133,13 @@ pub fn corners(words: &SceneSeed) -> TestInput {
 /// Sizes near which `f32` arithmetic changes.
 pub fn ends_of_the_range(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
-    let unit = choices.of(&[1e-30_f32, 1e-36, 1e30, 2e36]);
-    let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 2.5, 7.0]) * unit));
+    let unit = choices.pick(&[1e-30_f32, 1e-36, 1e30, 2e36]);
+    let lengths = [(); 3].map(|()| Some(choices.pick(&[1.0_f32, 2.5, 7.0]) * unit));
     let tilts = [(); 3].map(|()| choices.within(6) as f32 * 0.25 * unit);
     let cell_vectors = some_of(&mut choices, tilted(lengths, tilts));
-    let spheres = words.each(|of| {
-        let center = [(); 3].map(|()| of.within(32) as f32 * 0.25 * unit);
-        Sphere::new(center, of.below(9) as f32 * 0.25 * unit)
+    let spheres = words.each(|reader| {
+        let center = [(); 3].map(|()| reader.within(32) as f32 * 0.25 * unit);
+        Sphere::new(center, reader.below(9) as f32 * 0.25 * unit)
     });
     in_space(spheres, cell_vectors)
 }
@@ -147,13 +147,13 @@ pub fn ends_of_the_range(words: &SceneSeed) -> TestInput {
 /// Spheres of nearly the largest radii, in a space that is unbounded along one axis.
 pub fn largest_spheres(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
-    let unit = choices.of(&[1.0_f32, 1e38, 1e-3]);
+    let unit = choices.pick(&[1.0_f32, 1e38, 1e-3]);
     let cell_vectors = tilted([Some(unit), Some(2.0 * unit), None], [0.4 * unit, 0.0, 0.0]);
-    let spheres = words.each(|of| {
-        let fraction = of.of(&[1.0_f32, 0.6, 0.5, 1e-3, 0.0]);
-        let center = [(); 3].map(|()| of.of(&[0.0_f32, 1.0, -1.0, 0.5]) * f32::MAX);
+    let spheres = words.each(|reader| {
+        let fraction = reader.pick(&[1.0_f32, 0.6, 0.5, 1e-3, 0.0]);
+        let center = [(); 3].map(|()| reader.pick(&[0.0_f32, 1.0, -1.0, 0.5]) * f32::MAX);
         Sphere::new(
-            [of.between(-1.0, 1.0) * unit, of.between(-1.0, 1.0) * unit, center[2]],
+            [reader.between(-1.0, 1.0) * unit, reader.between(-1.0, 1.0) * unit, center[2]],
             fraction * f32::MAX,
         )
     });

@@ -22,7 +22,7 @@ pub(crate) fn algorithm(
         return (requested, format!("{requested}: requested"));
     }
     let CallSize { spheres, split, classes } = size;
-    let at = crossover.of(classes);
+    let at = crossover.for_classes(classes);
     if let Some(split) = split {
         let [a, b] = [split, spheres - split].map(u64::from);
         // At the crossover, a sphere in the grid costs as much as `at / 2` tests.
@@ -120,7 +120,7 @@ mod tests {
             (10_000, 60_000, 256, Crossover::MOST),
             (u32::MAX, u32::MAX, 256, Crossover::MOST),
         ] {
-            assert_eq!(Crossover { naive_below, per_class }.of(classes), expected);
+            assert_eq!(Crossover { naive_below, per_class }.for_classes(classes), expected);
         }
     }
 

@@ -33,7 +33,7 @@ impl Crossover {
     pub const MOST: u32 = 1 << 18;
 
     /// Returns the crossover for `classes` size classes, at most [`Crossover::MOST`].
-    pub fn of(self, classes: usize) -> u32 {
+    pub fn for_classes(self, classes: usize) -> u32 {
         let further = u32::try_from(classes.saturating_sub(1)).unwrap_or(u32::MAX);
         self.naive_below.saturating_add(self.per_class.saturating_mul(further)).min(Self::MOST)
     }

@@ -58,7 +58,7 @@ impl GpuBackend {
         let settings = config.settings;
         let interactions = searched_table(&settings, settings.is_framed())?;
         let known = profile_of(&config.calibrations, &gpu.adapter);
-        let most_pairs = DeviceLimits::of(&gpu.device).bytes() / size_of::<Pair>() as u64;
+        let most_pairs = DeviceLimits::from_device(&gpu.device).bytes() / size_of::<Pair>() as u64;
         let defaults = GpuConfig::default();
         let pair_capacity = most_pairs.min(defaults.pair_capacity.into()) as u32;
         let gpu_config = defaults

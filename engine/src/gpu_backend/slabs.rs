@@ -60,7 +60,7 @@ pub(crate) struct Slab {
 impl<'a> SlabInput<'a> {
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&Interactions>, space: Space) -> Self {
         let of_table = |table: &Interactions| {
-            let [partition, _] = SpeciesPartition::of_table(table);
+            let [partition, _] = SpeciesPartition::from_table(table);
             let is_idle = |of: u32| partition.is_idle(partition.group_of(of));
             (0..table.species()).map(|of| (table.effective_radius(of), is_idle(of))).unzip()
         };

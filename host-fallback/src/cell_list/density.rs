@@ -41,7 +41,7 @@ impl DensityProfile {
         Ok(Sample::take(input)?.density(None))
     }
 
-    pub(crate) fn of_centers(spheres: Spheres<'_>, space: Space) -> Result<Self, Error> {
+    pub(crate) fn from_centers(spheres: Spheres<'_>, space: Space) -> Result<Self, Error> {
         let n = spheres.len();
         let size = sample_size(n);
         let center = |k| space.wrap(spheres.get(sample_index(k, size, n)).center);
@@ -95,7 +95,7 @@ impl DensityProfile {
         self.log_extent
     }
 
-    pub(super) fn of_group(self, periodic_axes: i32, compares: bool) -> Self {
+    pub(super) fn for_group(self, periodic_axes: i32, compares: bool) -> Self {
         let compare_ns = if compares { EXACT_TEST_NS } else { COMPARE_NS };
         Self { periodic_axes, compare_ns, ..self }
     }
@@ -166,7 +166,7 @@ impl Sample {
     fn searches(&self, grouping: &Grouping<'_>) -> f32 {
         let mut members = [0.0_f32; MAX_SEPARATE];
         for (_, index) in &self.codes {
-            members[grouping.of(*index as usize)] += 1.0;
+            members[grouping.group_of(*index as usize)] += 1.0;
         }
         let searches =
             |(a, b): (usize, usize)| if a == b { members[a] / 2.0 } else { members[a].min(members[b]) };
@@ -210,7 +210,7 @@ fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];
-        run.iter().for_each(|(_, index)| members[grouping.of(*index as usize)] += 1);
+        run.iter().for_each(|(_, index)| members[grouping.group_of(*index as usize)] += 1);
         let pairs = |(a, b): (usize, usize)| match a == b {
             true => members[a] * members[a].saturating_sub(1) / 2,
             false => members[a] * members[b],

@@ -48,8 +48,8 @@ impl Sample {
         Ok(within.sum::<f32>() + between.sum::<f32>())
     }
 
-    fn of_group(&self, grouping: &Grouping<'_>, group: usize) -> impl Iterator<Item = (u64, u32)> {
-        self.codes.iter().copied().filter(move |(_, id)| grouping.of(*id as usize) == group)
+    fn codes_of_group(&self, grouping: &Grouping<'_>, group: usize) -> impl Iterator<Item = (u64, u32)> {
+        self.codes.iter().copied().filter(move |(_, id)| grouping.group_of(*id as usize) == group)
     }
 
     fn stats_of_groups(
@@ -59,7 +59,7 @@ impl Sample {
     ) -> Result<Vec<InputStats>, Error> {
         let of_group = |group| {
             let mut classes = [SizeClass::default(); SIZE_CLASSES];
-            for (_, id) in self.of_group(grouping, group) {
+            for (_, id) in self.codes_of_group(grouping, group) {
                 let id = id as usize;
                 let (_, effective) = input.test.effective(id as u32);
                 let radius = grouping.radius(&input.test, id, effective);
@@ -73,7 +73,7 @@ impl Sample {
         try_collect((0..grouping.count()).map(of_group), "groups of spheres")
     }
 
-    fn of_groups(
+    fn densities_of_groups(
         &self,
         input: &SearchInput<'_>,
         grouping: &Grouping<'_>,
@@ -81,13 +81,13 @@ impl Sample {
         let mut densities = Vec::new();
         for group in 0..grouping.count() {
             let (mut codes, mut bounds) = (Vec::new(), CenterBounds::EMPTY);
-            for code in self.of_group(grouping, group) {
+            for code in self.codes_of_group(grouping, group) {
                 try_push(&mut codes, code, "a sample of the spheres")?;
                 bounds.add(input.test.spheres().get(code.1 as usize).center);
             }
             let spheres = codes.len() * self.spheres / self.codes.len().max(1);
             let density = DensityProfile::from_codes(&codes, spheres, self.cube_size, None);
-            let density = density.of_group(self.periodic_axes, grouping.pairs_within(group));
+            let density = density.for_group(self.periodic_axes, grouping.pairs_within(group));
             let density = density.within(input.extent(bounds));
             try_push(&mut densities, density, "densities of groups")?;
         }
@@ -108,7 +108,7 @@ pub(crate) struct DensityCache {
 }
 
 impl DensityCache {
-    pub(crate) fn of(last: Option<Self>, input: &SearchInput<'_>) -> Result<Self, Error> {
+    pub(crate) fn from_last(last: Option<Self>, input: &SearchInput<'_>) -> Result<Self, Error> {
         let InputStats { spheres, min, max, .. } = input.stats;
         let groups_version = input.groups.map_or(0, SpeciesGroups::version);
         match last {
@@ -144,7 +144,7 @@ impl DensityCache {
                     (least, best) = (cost, (density, Vec::new(), division));
                 }
             } else if least > CROWDED_NS * sample.spheres as f32 {
-                let of_groups = sample.of_groups(input, &grouping)?;
+                let of_groups = sample.densities_of_groups(input, &grouping)?;
                 if sample.cost_by_group(input, &of_groups, &grouping)? < MAX_NARROW_COST * least {
                     best = (density(division), of_groups, division);
                 }
@@ -156,7 +156,8 @@ impl DensityCache {
     #[cfg(test)]
     pub(crate) fn with_division(self, division: Division, input: &SearchInput<'_>) -> Self {
         let sample = Sample::take(input).expect("there is memory");
-        let of_groups = sample.of_groups(input, &input.grouping(division)).expect("there is memory");
+        let of_groups =
+            sample.densities_of_groups(input, &input.grouping(division)).expect("there is memory");
         Self { division, of_groups, ..self }
     }
 

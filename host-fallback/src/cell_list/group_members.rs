@@ -58,7 +58,7 @@ impl GroupMembers {
         grouping: &Grouping<'_>,
     ) -> Result<(), Error> {
         if let Some(split) = grouping.sets() {
-            *all = try_collect(Self::of_sets(input, split).into_iter(), "groups of spheres")?;
+            *all = try_collect(Self::from_sets(input, split).into_iter(), "groups of spheres")?;
             return Ok(());
         }
         let (n, groups) = (input.stats.spheres, grouping.count());
@@ -66,7 +66,7 @@ impl GroupMembers {
         let fold_chunk = |members: Result<Vec<Self>, Error>, chunk: usize| {
             let mut members = members?;
             for id in chunk * CHUNK_SPHERES..n.min((chunk + 1) * CHUNK_SPHERES) {
-                members[grouping.of(id)].add(&input.test, grouping, id);
+                members[grouping.group_of(id)].add(&input.test, grouping, id);
             }
             Ok::<_, Error>(Ok(members))
         };
@@ -80,7 +80,7 @@ impl GroupMembers {
         Ok(())
     }
 
-    fn of_sets(input: &SearchInput<'_>, split: usize) -> [Self; 2] {
+    fn from_sets(input: &SearchInput<'_>, split: usize) -> [Self; 2] {
         let (classes, bounds) = (input.stats.classes, input.stats.bounds());
         let mut first = Self { classes, bounds, ..Self::NONE };
         let mut second = first.clone();
@@ -95,7 +95,7 @@ impl GroupMembers {
         [first, second]
     }
 
-    pub(super) fn of_level(&self, plan: &LevelPlan, level: usize) -> SizeClass {
+    pub(super) fn level_class(&self, plan: &LevelPlan, level: usize) -> SizeClass {
         let mut all = SizeClass::default();
         for (class, of) in self.classes.iter().zip(&plan.of_class) {
             if usize::from(*of) == level {

@@ -70,7 +70,7 @@ struct CachedPlan {
 }
 
 impl CachedPlan {
-    fn of(last: Option<Self>, stats: &InputStats, density: &DensityProfile) -> Self {
+    fn from_last(last: Option<Self>, stats: &InputStats, density: &DensityProfile) -> Self {
         match last {
             Some(last) if last.classes == stats.classes && last.density == *density => last,
             _ => {
@@ -105,7 +105,7 @@ struct SearchRadius {
 
 impl SearchRadius {
     #[inline(always)]
-    fn of(self, radius: f32) -> f32 {
+    fn for_radius(self, radius: f32) -> f32 {
         (radius + self.excess).min(self.cap)
     }
 }
@@ -153,7 +153,7 @@ impl CellLocator<'_> {
         let level = match self.levels {
             [only] => only,
             levels => {
-                let GroupLevels { first, of_class } = &self.groups[self.grouping.of(id)];
+                let GroupLevels { first, of_class } = &self.groups[self.grouping.group_of(id)];
                 let radius = self.grouping.radius(self.test, id, radius);
                 &levels[first + usize::from(of_class[InputStats::class_of(radius)])]
             }
@@ -208,7 +208,7 @@ impl CellList {
             }
             return Ok(());
         }
-        let plan = CachedPlan::of(self.plan.take(), &input.stats, density_cache.density());
+        let plan = CachedPlan::from_last(self.plan.take(), &input.stats, density_cache.density());
         self.time = plan.levels.cost;
         for group in 0..grouping.count() {
             self.add_levels(input, &plan.levels, grouping, group)?;
@@ -235,7 +235,7 @@ impl CellList {
             let last = self.levels.last();
             let base = last.map_or(0, |last| last.base + last.grid.cells() as usize);
             let from = last.map_or(0, |last| last.members.end);
-            let count = members.map_or(plan.levels[of].spheres, |own| own.of_level(plan, of).count);
+            let count = members.map_or(plan.levels[of].spheres, |own| own.level_class(plan, of).count);
             let effective = match members {
                 Some(own) if grouping.is_narrow() => own.effective,
                 _ => grid.largest(),
@@ -258,7 +258,7 @@ impl CellList {
         let (spheres, largest, bounds) = match members {
             None => (level.spheres, level.largest, input.stats.bounds()),
             Some(members) => {
-                let SizeClass { count, largest } = members.of_level(plan, of);
+                let SizeClass { count, largest } = members.level_class(plan, of);
                 (count, largest, members.bounds())
             }
         };

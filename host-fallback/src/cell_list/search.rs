@@ -171,7 +171,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
     #[inline(always)]
     fn level(&mut self, level: &LevelGrid, at: usize, search_radius: SearchRadius, from: usize) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
-        let block = level.grid.block(self.vector, [x, y, z, search_radius.of(radius)]);
+        let block = level.grid.block(self.vector, [x, y, z, search_radius.for_radius(radius)]);
         let count = block.count();
         if (level.grid.circular && block.wraps(level.grid.size)) || count[1] > 2 || count[2] > 2 {
             return self.rows(level, block, at, from);
@@ -194,7 +194,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
     #[inline(always)]
     fn across_boundary(&mut self, level: &LevelGrid, at: usize, cell: [u32; 3]) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
-        let block = level.grid.block(self.vector, [x, y, z, level.own_radius().of(radius)]);
+        let block = level.grid.block(self.vector, [x, y, z, level.own_radius().for_radius(radius)]);
         let (size, first, count) = (level.grid.size, block.first, block.count());
         if !block.wraps(size) {
             return;

@@ -139,8 +139,9 @@ fn groups_of_species_match_naive() {
             }
             for division in [Division::Merged, Division::ByPartners, Division::ByDistance] {
                 let mut list = CellList::default();
-                let density_cache =
-                    DensityCache::of(None, &input).expect("there is memory").with_division(division, &input);
+                let density_cache = DensityCache::from_last(None, &input)
+                    .expect("there is memory")
+                    .with_division(division, &input);
                 list.build(&input, &density_cache, &mut report).expect("there is memory");
                 if list.touch_decides() {
                     input.test.decided_by_radii();
@@ -187,7 +188,7 @@ fn slightly_too_many_cells_do_not_fold_the_table() {
         let settings = Settings::default();
         let input = SearchInput::surveyed(PairTest::new((&spheres).into(), None), &settings);
         let mut list = CellList::default();
-        let density_cache = DensityCache::of(None, &input).expect("there is memory");
+        let density_cache = DensityCache::from_last(None, &input).expect("there is memory");
         list.build(&input, &density_cache, &mut Report::default()).expect("there is memory");
         assert!(list.levels.iter().all(|level| !level.grid.folded), "{:?}", list.levels);
     }

@@ -48,7 +48,7 @@ impl<'a> PairFilter<'a> {
     }
 
     #[inline]
-    fn of(&self, k: u32) -> (&Spheres<'a>, usize) {
+    fn locate(&self, k: u32) -> (&Spheres<'a>, usize) {
         let (k, split) = (k as usize, self.first.len());
         match &self.second {
             Some(second) if k >= split => (second, k - split),
@@ -57,7 +57,7 @@ impl<'a> PairFilter<'a> {
     }
 
     fn group(&self, k: u32) -> u32 {
-        let (set, k) = self.of(k);
+        let (set, k) = self.locate(k);
         set.groups().map_or(Spheres::NO_GROUP, |groups| groups[k])
     }
 
@@ -74,7 +74,7 @@ impl<'a> PairFilter<'a> {
     }
 
     fn touch(&self, space: &Space, table: Option<&Interactions>, i: u32, j: u32) -> bool {
-        let [(of_a, a), (of_b, b)] = [i, j].map(|k| self.of(k));
+        let [(of_a, a), (of_b, b)] = [i, j].map(|k| self.locate(k));
         let distance = match (table, of_a.species(), of_b.species()) {
             (Some(table), Some(species), Some(others)) => {
                 let Some(distance) = table.get(species[a], others[b]).distance() else { return false };

@@ -80,7 +80,7 @@ impl<'a> PairTest<'a> {
         Self::with_species_radii(spheres, interactions.map(|table| (table, Cow::Owned(species_radii(table)))))
     }
 
-    pub(crate) fn of_present(
+    pub(crate) fn with_present_species(
         spheres: Spheres<'a>,
         table: Option<(&'a Interactions, &'a [SpeciesRadius])>,
     ) -> Self {
@@ -116,7 +116,7 @@ impl<'a> PairTest<'a> {
         // Orthogonalized coordinates, trimmed frames and effective radii leave every contact uncertain.
         let is_by_radii = filter.is_none_or(PairFilter::is_contact_of_radii);
         let is_certain = frame.is_none_or(SearchFrame::has_certain_contacts) && is_by_radii;
-        let triclinic = frame.and_then(|frame| TriclinicFilter::of_candidates(frame, filter));
+        let triclinic = frame.and_then(|frame| TriclinicFilter::with_filter(frame, filter));
         Self { filter, frame, triclinic, is_plain: self.is_plain && is_certain, ..self }
     }
 
@@ -147,8 +147,8 @@ impl<'a> PairTest<'a> {
 
     pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
         match self.frame.is_some_and(SearchFrame::has_certain_contacts) {
-            true => Some(PeriodicBox::of_frame(&self.space, largest)),
-            false => PeriodicBox::of(&self.space),
+            true => Some(PeriodicBox::from_frame(&self.space, largest)),
+            false => PeriodicBox::from_space(&self.space),
         }
     }
 

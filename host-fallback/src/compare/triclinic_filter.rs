@@ -45,7 +45,7 @@ pub(crate) struct TriclinicFilter {
 
 impl TriclinicFilter {
     /// Returns `None` unless the frame is triclinic, and in cells of extreme size or shape.
-    fn of_frame(frame: &SearchFrame) -> Option<Self> {
+    fn from_frame(frame: &SearchFrame) -> Option<Self> {
         let cell = frame.orthogonalization()?;
         let (map, lengths) = (cell.distance_map()?, cell.space().lengths_f32());
         let shortest = lengths.into_iter().flatten().fold(f32::INFINITY, f32::min);
@@ -62,8 +62,8 @@ impl TriclinicFilter {
     }
 
     /// Returns the filter of candidates that `exact` decides.
-    pub(crate) fn of_candidates(frame: &SearchFrame, exact: Option<&PairFilter<'_>>) -> Option<Self> {
-        let near = Self::of_frame(frame)?;
+    pub(crate) fn with_filter(frame: &SearchFrame, exact: Option<&PairFilter<'_>>) -> Option<Self> {
+        let near = Self::from_frame(frame)?;
         let is_by_radii = exact.is_none_or(PairFilter::is_contact_of_radii);
         Some(if is_by_radii { near } else { near.without_certain() })
     }
@@ -159,7 +159,7 @@ mod tests {
                 None => SearchFrame::new(&bounds, &space),
             };
             let frame = frame.with_growth_in(&bounds);
-            let Some(filter) = TriclinicFilter::of_frame(&frame) else { continue };
+            let Some(filter) = TriclinicFilter::from_frame(&frame) else { continue };
             for (k, [a, b]) in pairs.into_iter().enumerate() {
                 let apart = space.minimum_image(a, b).vector.map(|component| component / unit);
                 let distance = unit * apart.iter().map(|component| component * component).sum::<f64>().sqrt();
@@ -191,7 +191,7 @@ mod tests {
                 [[1.0, 0.0, 0.0], [tilt * random(), 0.9, 0.0], [tilt * random(), tilt * random(), 0.8]];
             let space = Space::triclinic(cell_vectors.map(Some)).expect("a cell");
             let frame = SearchFrame::triclinic_f32(space.triclinic_cell().expect("a triclinic space"));
-            let Some(filter) = TriclinicFilter::of_frame(&frame) else { continue };
+            let Some(filter) = TriclinicFilter::from_frame(&frame) else { continue };
             let sphere = |[x, y, z]: [f64; 3]| frame.sphere([x, y, z, 0.01]);
             let move_by = |from: [f64; 3], by: [f64; 3]| [0, 1, 2].map(|axis| from[axis] + by[axis]);
             let now: [f64; 3] = [(); 3].map(|()| random());

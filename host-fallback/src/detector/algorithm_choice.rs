@@ -76,8 +76,8 @@ mod tests {
 
     fn chosen(n: usize, radii: &[f32]) -> Algorithm {
         let spheres: Vec<_> = (0..n).map(|k| Sphere::new([k as f32; 3], radii[k % radii.len()])).collect();
-        let stats =
-            InputStats::of(&PairTest::new((&spheres).into(), None), Executor::Pool).expect("all are valid");
+        let stats = InputStats::from_test(&PairTest::new((&spheres).into(), None), Executor::Pool)
+            .expect("all are valid");
         choose(Algorithm::Auto, &stats).0
     }
 
@@ -99,8 +99,8 @@ mod tests {
     #[test]
     fn requested_algorithm_is_kept() {
         let spheres = [Sphere::default()];
-        let stats =
-            InputStats::of(&PairTest::new((&spheres).into(), None), Executor::Pool).expect("all are valid");
+        let stats = InputStats::from_test(&PairTest::new((&spheres).into(), None), Executor::Pool)
+            .expect("all are valid");
         for &requested in Algorithm::CPU {
             assert_eq!(choose(requested, &stats).0, requested);
         }

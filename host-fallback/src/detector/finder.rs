@@ -159,7 +159,7 @@ impl<B: SearchBackend> PairFinder<B> {
         let query = query.into();
         self.list(&query, Order::Canonical)?;
         let start = Instant::now();
-        let neighbors = self.lists.of_query(&self.pairs, &query)?;
+        let neighbors = self.lists.fill_query(&self.pairs, &query)?;
         PhaseTime::add(self.backend.report_mut().1, "neighbors", start.elapsed());
         Ok(neighbors)
     }
@@ -198,7 +198,7 @@ impl<B: SearchBackend> PairFinder<B> {
         let mut hand_over = |pairs: &[Pair]| {
             pairs.chunks(chunk).try_for_each(|slice| {
                 handed += slice.len() as u64;
-                consume(numbering.of_second(slice))
+                consume(numbering.renumber(slice))
             })
         };
         backend.search(&query, &mut |source| {
@@ -292,7 +292,7 @@ impl Numbering {
         Ok(chunk)
     }
 
-    fn of_second<'p>(&'p mut self, pairs: &'p [Pair]) -> &'p [Pair] {
+    fn renumber<'p>(&'p mut self, pairs: &'p [Pair]) -> &'p [Pair] {
         let Some(split) = self.split else { return pairs };
         let renumbered = &mut self.renumbered[..pairs.len()];
         renumbered.iter_mut().zip(pairs).for_each(|(own, pair)| *own = Pair { i: pair.i, j: pair.j - split });

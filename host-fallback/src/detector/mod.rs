@@ -139,7 +139,7 @@ impl SearchBackend for HostBackend {
             let stats = match (lapsed, state.skin.candidates.input_stats()) {
                 (None, Some(stats)) => stats.clone(),
                 _ => {
-                    let stats = state.report.time("survey", || InputStats::of(&test, executor));
+                    let stats = state.report.time("survey", || InputStats::from_test(&test, executor));
                     // The error must show the numbers as given, not as searched.
                     stats.or_else(|error| check_valid(query, executor).and(Err(error)))?
                 }

@@ -16,7 +16,7 @@ impl Bounds {
     pub(crate) const EMPTY: Self =
         Self { min: [f64::INFINITY; 4], max: [f64::NEG_INFINITY; 4], zero: [0.0; 4] };
 
-    pub(crate) fn of(query: &Query<'_>, executor: Executor) -> Self {
+    pub(crate) fn from_query(query: &Query<'_>, executor: Executor) -> Self {
         let sets = [Some(query.first()), query.second()];
         sets.into_iter().flatten().fold(Self::EMPTY, |bounds, set| {
             let count = set.len();

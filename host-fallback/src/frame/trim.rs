@@ -66,7 +66,7 @@ impl SearchFrame {
         let last = last.filter(|last| last.is_trimmed && last.is_near(&origin));
         let extent = FreeExtent { origin: last.map_or(origin, |last| last.origin), is_free };
         let most = self.scale.recip() / MIN_GAIN;
-        if sample.iter().filter(|row| extent.of(row) > most).count() > SAMPLE_OUTSIDE {
+        if sample.iter().filter(|row| extent.offset(row) > most).count() > SAMPLE_OUTSIDE {
             return None;
         }
         let size = extent.size_of_most(rows, executor).max(radius * (GROWN[1] / GROWTH[1]));
@@ -96,7 +96,7 @@ struct FreeExtent {
 }
 
 impl FreeExtent {
-    fn of(&self, row: &[f64; 4]) -> f64 {
+    fn offset(&self, row: &[f64; 4]) -> f64 {
         let along =
             |axis: usize| if self.is_free[axis] { (row[axis] - self.origin[axis]).abs() } else { 0.0 };
         along(0).max(along(1)).max(along(2))
@@ -120,7 +120,7 @@ impl FreeExtent {
     fn count_levels(&self, rows: &RowsByIndex<'_>, largest: u64, executor: Executor) -> [u32; EXPONENTS] {
         let fold_chunk = |mut levels: [u32; EXPONENTS], chunk: usize| {
             for k in chunk * CHUNK_SPHERES..rows.count.min((chunk + 1) * CHUNK_SPHERES) {
-                let level = largest.saturating_sub(exponent(self.of(&(rows.get)(k))));
+                let level = largest.saturating_sub(exponent(self.offset(&(rows.get)(k))));
                 levels[level as usize] += 1;
             }
             Ok(levels)

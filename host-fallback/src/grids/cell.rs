@@ -87,7 +87,7 @@ impl Batch {
         }
         self.groups.clear();
         for group in 0..grouping.count() {
-            let members = || run.iter().filter(|entry| grouping.of(entry.id() as usize) == group);
+            let members = || run.iter().filter(|entry| grouping.group_of(entry.id() as usize) == group);
             try_push(&mut self.groups, starts(members(), self.ids.len()), "groups of a cell")?;
             members().try_for_each(|member| try_push(&mut self.ids, member.id(), "a batch of cells"))?;
         }

@@ -109,7 +109,7 @@ impl Entries {
             let cover = |k: usize| {
                 let (center, radius) = sphere(k);
                 let cover = || (grid.cover::<PERIODIC>(center, radius), ALL_AXES, k as u32);
-                (paired >> grouping.of(k) & 1 == 1).then(cover)
+                (paired >> grouping.group_of(k) & 1 == 1).then(cover)
             };
             let wrap = |cell| grid.wrap::<PERIODIC>(cell);
             narrow.entries.clear();

@@ -215,7 +215,7 @@ fn spheres<'i>(input: &'i SearchInput<'_>, chunk: usize) -> impl Iterator<Item =
     let range = chunk * CHUNK_SPHERES..input.stats.spheres.min((chunk + 1) * CHUNK_SPHERES);
     let grouping = input.grouping(Division::ByPartners);
     let paired = grouping.paired();
-    range.filter(move |&k| paired >> grouping.of(k) & 1 == 1).map(|k| k as u32)
+    range.filter(move |&k| paired >> grouping.group_of(k) & 1 == 1).map(|k| k as u32)
 }
 
 #[inline(always)]

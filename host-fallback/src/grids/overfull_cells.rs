@@ -124,7 +124,7 @@ impl OverfullCell {
             return Ok(groups);
         }
         for group in 0..grouping.count() {
-            let is_own = |id: u32| grouping.of(id as usize) == group;
+            let is_own = |id: u32| grouping.group_of(id as usize) == group;
             let own = || members.iter().zip(from as u32..).filter(|(member, _)| is_own(member.id()));
             let first = self.order.len();
             try_push(&mut groups, starts(own().map(|(member, _)| member), first), "groups of a cell")?;

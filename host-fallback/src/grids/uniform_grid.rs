@@ -96,14 +96,14 @@ impl UniformGrid {
                 extent / (stats.spheres as f64 / POINTS_PER_CELL).cbrt().max(1.0)
             }
         };
-        Self::of_size(cell_size * CELL_SLACK, diameter, lengths)
+        Self::with_cell_size(cell_size * CELL_SLACK, diameter, lengths)
     }
 
     pub(crate) fn coarser(&self, lengths: [Option<f32>; 3]) -> Self {
-        Self::of_size(2.0 * self.cell_size, f64::INFINITY, lengths)
+        Self::with_cell_size(2.0 * self.cell_size, f64::INFINITY, lengths)
     }
 
-    fn of_size(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
+    fn with_cell_size(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
         let cell_size = cell_size.max(f64::from(f32::MIN_POSITIVE));
         let limit = (cell_size * f64::from(MAX_INTEGER_CELL)) as f32;
         let first_far = limit.next_down().min(f32::MAX).to_bits();

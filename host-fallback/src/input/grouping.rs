@@ -34,7 +34,7 @@ impl<'a> Grouping<'a> {
     }
 
     #[inline(always)]
-    pub(crate) fn of(&self, id: usize) -> usize {
+    pub(crate) fn group_of(&self, id: usize) -> usize {
         let set = usize::from(self.split.is_some_and(|split| id >= split));
         match self.species {
             None => set,
@@ -98,13 +98,13 @@ pub(crate) fn sort_by_group(
         *end = spheres;
         return Ok(ends);
     }
-    (0..spheres).for_each(|id| ends[grouping.of(id)] += 1);
+    (0..spheres).for_each(|id| ends[grouping.group_of(id)] += 1);
     let mut start = 0;
     for end in &mut ends {
         start += std::mem::replace(end, start);
     }
     for id in 0..spheres {
-        let end = &mut ends[grouping.of(id)];
+        let end = &mut ends[grouping.group_of(id)];
         order[*end] = id as u32;
         *end += 1;
     }

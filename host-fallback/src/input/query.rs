@@ -66,7 +66,7 @@ impl PreparedQuery<'_> {
         let table = settings.interactions.as_ref().zip(self.groups.map(SpeciesGroups::species_radii));
         let test = match self.frame {
             Some(frame) => PairTest::new(self.spheres, None).in_space(frame.space()),
-            None => PairTest::of_present(self.spheres, table).in_space(settings.space),
+            None => PairTest::with_present_species(self.spheres, table).in_space(settings.space),
         };
         test.filtered(self.filter.as_ref(), self.frame)
     }
@@ -197,7 +197,7 @@ impl QueryBuffers {
             }
             given = Some(bounds);
         }
-        let bounds = given.unwrap_or_else(|| Bounds::of(query, executor));
+        let bounds = given.unwrap_or_else(|| Bounds::from_query(query, executor));
         check(&bounds)?;
         let frame = SearchFrame::new(&bounds, space);
         let trimmed = {

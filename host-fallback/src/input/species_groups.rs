@@ -65,7 +65,7 @@ impl SpeciesGroups {
         };
         let species_radii = try_collect((0..table.species()).map(species_radius), "reaches of species")?;
         let table = SpeciesTable { interactions: table, species_radii: &species_radii };
-        let [merged, by_partners, by_distance] = SpeciesPartition::of_present(&present, table);
+        let [merged, by_partners, by_distance] = SpeciesPartition::from_present(&present, table);
         let by_distance = by_distance.narrowed(&present, table)?;
         self.unequal_radii = UnequalRadii::new(&by_distance);
         self.partitions = [merged, by_partners, by_distance];
@@ -165,7 +165,7 @@ mod tests {
         groups.partition(Division::ByPartners)
     }
 
-    fn of(ids: &[u32], table: &Interactions) -> Vec<u8> {
+    fn groups_by_partners(ids: &[u32], table: &Interactions) -> Vec<u8> {
         let groups = groups(ids, table);
         ids.iter().map(|&species| by_partners(&groups).of_species[species as usize]).collect()
     }
@@ -176,7 +176,7 @@ mod tests {
         for species in 0..4 {
             table.set(species, (species + 1) % 4, Interaction::Within(1.0)).expect("species of the table");
         }
-        assert_eq!(of(&[0, 1, 2, 3], &table), [0, 1, 0, 1]);
+        assert_eq!(groups_by_partners(&[0, 1, 2, 3], &table), [0, 1, 0, 1]);
         let groups = groups(&[3, 2, 1, 0], &table);
         let meeting = Some(Meeting { touches: false, distance: 1.0, is_by_radii: true });
         assert_eq!(by_partners(&groups).meetings, [None, meeting, meeting, None]);
@@ -189,8 +189,8 @@ mod tests {
     fn species_without_present_partner_is_idle() {
         let mut table = Interactions::new(3, Interaction::Never).expect("a table");
         table.set(0, 1, Interaction::Touch).expect("species of the table");
-        assert_eq!(of(&[0, 2, 1], &table), [0, 2, 1]);
-        assert_eq!(of(&[0, 2], &table), [0, 0], "its partner is absent");
+        assert_eq!(groups_by_partners(&[0, 2, 1], &table), [0, 2, 1]);
+        assert_eq!(groups_by_partners(&[0, 2], &table), [0, 0], "its partner is absent");
         let mut groups = groups(&[0, 1, 2], &table);
         let grouping = Grouping::new(None, Some((by_partners(&groups), &[0, 1, 2])));
         assert!((0..3).all(|other| grouping.meeting(2, other).is_none()));
@@ -212,7 +212,7 @@ mod tests {
         assert_eq!(meeting(0, 0).map(|of| of.is_by_radii), Some(false), "of two species");
         assert_eq!(meeting(1, 1).map(|of| of.is_by_radii), Some(true));
         assert_eq!(meeting(0, 1), None);
-        let groups = of(&all, &table);
+        let groups = groups_by_partners(&all, &table);
         let members = |group: u8| groups.iter().filter(|of| **of == group).count();
         assert!((0..MAX_GROUPS as u8).all(|group| (12..=13).contains(&members(group))), "{groups:?}");
     }
@@ -347,7 +347,7 @@ mod tests {
         let ids = [0, 1, 0, 1];
         let groups = groups(&ids, &table);
         let grouping = Grouping::new(Some(2), Some((by_partners(&groups), &ids)));
-        assert_eq!([0, 1, 2, 3].map(|id| grouping.of(id)), [0, 1, 2, 3]);
+        assert_eq!([0, 1, 2, 3].map(|id| grouping.group_of(id)), [0, 1, 2, 3]);
         let meets = |a: usize, b: usize| grouping.meeting(a, b).is_some();
         assert!(!meets(0, 1) && !meets(0, 2) && meets(0, 3) && meets(1, 2));
         let sets = Grouping::new(Some(2), None);

@@ -37,7 +37,7 @@ pub(crate) struct Meeting {
 impl Meeting {
     pub(crate) const ANY: Self = Self { touches: true, distance: f64::INFINITY, is_by_radii: false };
 
-    fn of(species: impl Iterator<Item = (u32, u32)>, table: SpeciesTable<'_>) -> Option<Self> {
+    fn from_species(species: impl Iterator<Item = (u32, u32)>, table: SpeciesTable<'_>) -> Option<Self> {
         let none = Self { touches: false, distance: 0.0, is_by_radii: true };
         let (meeting, pairs) = species.fold((none, false), |(mut meeting, pairs), (a, b)| {
             let interaction = table.interactions.get(a, b);
@@ -106,8 +106,9 @@ impl SpeciesPartition {
             let of_species = &of_species;
             present.iter().copied().filter(move |&s| usize::from(of_species[s as usize]) == group)
         };
-        let meeting =
-            |a: usize, b: usize| Meeting::of(members(a).flat_map(|s| members(b).map(move |t| (s, t))), table);
+        let meeting = |a: usize, b: usize| {
+            Meeting::from_species(members(a).flat_map(|s| members(b).map(move |t| (s, t))), table)
+        };
         let meetings = (0..count * count).map(|k| meeting(k / count, k % count)).collect();
         Self { of_species, count, meetings, narrow: Vec::new() }
     }
@@ -130,15 +131,15 @@ impl SpeciesPartition {
     }
 
     /// Returns the divisions of all species by partners and by distance.
-    pub fn of_table(interactions: &Interactions) -> [Self; 2] {
+    pub fn from_table(interactions: &Interactions) -> [Self; 2] {
         let all: Vec<u32> = (0..interactions.species()).collect();
         let species_radii: Vec<_> = all.iter().map(|&species| interactions.species_radius(species)).collect();
         let [_, by_partners, by_distance] =
-            Self::of_present(&all, SpeciesTable { interactions, species_radii: &species_radii });
+            Self::from_present(&all, SpeciesTable { interactions, species_radii: &species_radii });
         [by_partners, by_distance]
     }
 
-    pub(super) fn of_present(present: &[u32], table: SpeciesTable<'_>) -> [Self; 3] {
+    pub(super) fn from_present(present: &[u32], table: SpeciesTable<'_>) -> [Self; 3] {
         let interactions = table.interactions;
         if present.len() > MAX_PRESENT {
             return [(); 3].map(|()| Self::undivided(interactions.species()));

@@ -114,10 +114,10 @@ impl InputStats {
         interactions: Option<&Interactions>,
         executor: Executor,
     ) -> Result<Self, InputError> {
-        Self::of(&PairTest::new(spheres, interactions), executor)
+        Self::from_test(&PairTest::new(spheres, interactions), executor)
     }
 
-    pub(crate) fn of(test: &PairTest<'_>, executor: Executor) -> Result<Self, InputError> {
+    pub(crate) fn from_test(test: &PairTest<'_>, executor: Executor) -> Result<Self, InputError> {
         let spheres = test.spheres();
         let n = spheres.len();
         let chunk = |stats: &mut Self, chunk: usize| {
@@ -220,7 +220,7 @@ mod tests {
         spheres[40_000].center.y = f32::INFINITY;
         spheres[99_999].radius = -1.0;
         let Err(InputError::Sphere { index, count, total, .. }) =
-            InputStats::of(&PairTest::new((&spheres).into(), None), Executor::Pool)
+            InputStats::from_test(&PairTest::new((&spheres).into(), None), Executor::Pool)
         else {
             panic!("bad spheres were accepted")
         };
@@ -231,8 +231,8 @@ mod tests {
     fn classes_count_every_sphere_once() {
         let radii = [0.0, 1e-40, 0.5, 0.99, 1.0, 1.5, 3.0e38];
         let spheres: Vec<_> = radii.iter().map(|&r| Sphere::new([r, -r, 0.0], r)).collect();
-        let stats =
-            InputStats::of(&PairTest::new((&spheres).into(), None), Executor::Pool).expect("all are valid");
+        let stats = InputStats::from_test(&PairTest::new((&spheres).into(), None), Executor::Pool)
+            .expect("all are valid");
         assert_eq!(stats.classes.iter().map(|c| c.count).sum::<u32>(), 7);
         assert_eq!(stats.classes[0].count, 2);
         assert_eq!(stats.classes[InputStats::class_of(1.0)], SizeClass { count: 2, largest: 1.5 });

@@ -62,7 +62,7 @@ impl UnequalRadii {
         present: &[u32],
         table: SpeciesTable<'_>,
     ) -> Result<bool, Error> {
-        let crowds = Crowds::of(query, partition);
+        let crowds = Crowds::new(query, partition);
         let chosen = crowds.best(self.narrow);
         if !crowds.is_better(chosen, self.chosen) {
             return Ok(false);
@@ -129,7 +129,7 @@ struct Crowds<'a> {
 }
 
 impl<'a> Crowds<'a> {
-    fn of(query: &Query<'_>, partition: &'a SpeciesPartition) -> Self {
+    fn new(query: &Query<'_>, partition: &'a SpeciesPartition) -> Self {
         let mut counts = [1.0; MAX_GROUPS + 1];
         sample_species(query, |species, spheres| counts[partition.group_of(species)] += spheres);
         Self { partition, counts }

@@ -117,7 +117,7 @@ impl NeighborsBuilder {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub fn of_query(&mut self, pairs: &[Pair], query: &Query<'_>) -> Result<Neighbors<'_>, Error> {
+    pub fn fill_query(&mut self, pairs: &[Pair], query: &Query<'_>) -> Result<Neighbors<'_>, Error> {
         self.rows(pairs, query.first().len(), query.split().is_none())
     }
 

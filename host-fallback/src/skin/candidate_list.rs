@@ -128,7 +128,7 @@ impl CandidateList {
         if !self.set_inverse(limits, &input.test)? || input.stats.largest_radius() > MAX_RADIUS {
             return Ok(false);
         }
-        let stats = report.time("survey", || InputStats::of(&test, input.executor))?;
+        let stats = report.time("survey", || InputStats::from_test(&test, input.executor))?;
         let wide = |test, stats| SearchInput { test, stats, ..*input };
         let widened = wide(test, stats);
         let list = builder.build(&widened, report)?;

@@ -41,7 +41,7 @@ impl SkinController {
     ) -> Result<bool, Error> {
         let Self { candidates, tuner, limits, density_cache: last } = self;
         let last = last.take();
-        let density_cache = report.time("plan", || DensityCache::of(last, input))?;
+        let density_cache = report.time("plan", || DensityCache::from_last(last, input))?;
         let density = density_cache.density();
         let limits = match input.settings.skin {
             Skin::Off => None,

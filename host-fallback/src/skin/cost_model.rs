@@ -63,7 +63,7 @@ impl SkinCosts {
     }
 
     /// Returns the nanoseconds per sphere of a search.
-    fn of_search(&self, stats: &InputStats, density: &DensityProfile, found: f32) -> f32 {
+    fn search_ns_per_sphere(&self, stats: &InputStats, density: &DensityProfile, found: f32) -> f32 {
         let levels = match self.levels_ns > 0.0 {
             true => self.levels_ns * LevelPlan::plan(stats, density).cost / stats.spheres as f32,
             false => 0.0,
@@ -118,7 +118,7 @@ pub(super) fn choose(
     let (n, costs) = (stats.spheres as f32, model.costs);
     let farthest = motion.largest.iter().copied().fold(0.0, f32::max);
     let around = |limits: &PerClass| excess * candidates(stats, density, limits);
-    let none = costs.of_search(stats, density, around(&[0.0; SIZE_CLASSES]));
+    let none = costs.search_ns_per_sphere(stats, density, around(&[0.0; SIZE_CLASSES]));
     let mut best: Option<(f32, SkinChoice)> = None;
     for skin in SKIN_STEPS {
         let [mean, largest] =
@@ -131,7 +131,7 @@ pub(super) fn choose(
             break;
         }
         let wide = stats.with_sizes(|class, radius| radius + largest[class]);
-        let find = costs.keep_ns + costs.of_search(&wide, density, candidates);
+        let find = costs.keep_ns + costs.search_ns_per_sphere(&wide, density, candidates);
         let test = costs.measure_ns + costs.test_ns * candidates + costs.call_ns / n;
         let calls = motion.growth.steps(skin).floor();
         let time = (find + (calls + 1.0) * test) / (calls + 1.0);

@@ -103,8 +103,8 @@ impl SkinTuner {
     ) -> Result<Option<f32>, Error> {
         let model = SkinModel { costs, scaling: SkinScaling::Alike, least: 0.0 };
         let choose_skin = |displacements: &Displacements, excess: f32| {
-            let stats = InputStats::of(&PairTest::new(spheres, interactions), Executor::current()?)?;
-            let density = DensityProfile::of_centers(spheres, space)?;
+            let stats = InputStats::from_test(&PairTest::new(spheres, interactions), Executor::current()?)?;
+            let density = DensityProfile::from_centers(spheres, space)?;
             Ok(choose(&stats, &density, displacements, model, excess))
         };
         let limits = self.limits(model, choose_skin)?;

@@ -32,7 +32,7 @@ impl Exclusions {
         let mut pairs = checked(spheres, spheres, pairs)?;
         pairs.retain(|(i, j)| i != j);
         pairs.iter_mut().for_each(|(i, j)| (*i, *j) = ((*i).min(*j), (*i).max(*j)));
-        Self::of(spheres, None, pairs)
+        Self::from_pairs(spheres, None, pairs)
     }
 
     /// Creates exclusions across two sets, by index in each set.
@@ -44,7 +44,7 @@ impl Exclusions {
         second: usize,
         pairs: impl IntoIterator<Item = (u32, u32)>,
     ) -> Result<Self, Error> {
-        Self::of(first, Some(second), checked(first, second, pairs)?)
+        Self::from_pairs(first, Some(second), checked(first, second, pairs)?)
     }
 
     /// Creates exclusions from compressed sparse rows: sphere `i` with each of `indices[offsets[i]..offsets[i + 1]]`. A
@@ -72,7 +72,7 @@ impl Exclusions {
         Self::new(offsets.len() - 1, (0..offsets.len() - 1).flat_map(row))
     }
 
-    fn of(first: usize, second: Option<usize>, mut pairs: Vec<(u32, u32)>) -> Result<Self, Error> {
+    fn from_pairs(first: usize, second: Option<usize>, mut pairs: Vec<(u32, u32)>) -> Result<Self, Error> {
         pairs.sort_unstable();
         pairs.dedup();
         let (mut offsets, mut others) = (Vec::new(), Vec::new());

@@ -75,7 +75,7 @@ impl SpeciesRadius {
         if self.effective.touches { self.largest_half.max(radius) } else { self.largest_half }
     }
 
-    fn of(interactions: impl Iterator<Item = Interaction>) -> Self {
+    fn from_interactions(interactions: impl Iterator<Item = Interaction>) -> Self {
         interactions.fold(Self::NONE, |mut radius, with| {
             match with {
                 Interaction::Never => {}
@@ -209,12 +209,12 @@ impl Interactions {
 
     #[doc(hidden)]
     pub fn species_radius_among(&self, species: u32, others: impl Iterator<Item = u32>) -> SpeciesRadius {
-        SpeciesRadius::of(others.map(|other| self.get(species, other)))
+        SpeciesRadius::from_interactions(others.map(|other| self.get(species, other)))
     }
 
     fn scan(&self, species: u32) -> SpeciesRadius {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
-        SpeciesRadius::of(row.iter().copied())
+        SpeciesRadius::from_interactions(row.iter().copied())
     }
 }
 

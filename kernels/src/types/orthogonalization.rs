@@ -47,7 +47,7 @@ impl DistanceMap {
     pub const MAX_NORM: f64 = 4.0;
 
     /// Orthogonalizes the columns of the inverse of `map`, so that lengths stay those of `inverse · difference`.
-    fn of_inverse(map: [DVec3; 3], stretch: f64) -> Option<Self> {
+    fn from_inverse(map: [DVec3; 3], stretch: f64) -> Option<Self> {
         let [a, b, c] = inverse(&map).map(|column| column * stretch);
         let norm = norm_bound([a, b, c]);
         let first = a.normalize();
@@ -64,7 +64,7 @@ impl Orthogonalization {
     pub const SCALE: f64 = 0.25;
 
     /// Returns the map of the first `rank` vectors of a basis. `inverse` holds the rows of the inverse.
-    pub(super) fn of_basis(rank: usize, unit: f64, inverse: [DVec3; 3], scale: f64) -> Self {
+    pub(super) fn from_basis(rank: usize, unit: f64, inverse: [DVec3; 3], scale: f64) -> Self {
         let heights = heights(&inverse);
         // A power of two, so that nothing is rounded twice.
         let factor = scale / unit;
@@ -77,7 +77,7 @@ impl Orthogonalization {
         let longest = lengths[..rank].iter().fold(0.0, |longest, &length| length.max(longest));
         // Products of three numbers neither overflow nor underflow.
         let is_moderate = (1e-60..1e60).contains(&factor);
-        let distances = is_moderate.then(|| DistanceMap::of_inverse(rows, growth)).flatten();
+        let distances = is_moderate.then(|| DistanceMap::from_inverse(rows, growth)).flatten();
         let along = inverse.map(|row| row.abs().element_sum());
         let near = if rank == 3 { 1.0 / (FAR * along.into_iter().fold(0.0, f64::max)) } else { 0.0 };
         let columns = [0, 1, 2].map(|axis| [inverse[0][axis], inverse[1][axis], inverse[2][axis], 0.0]);
@@ -87,7 +87,7 @@ impl Orthogonalization {
     /// Returns the space of these coordinates.
     pub fn space(&self) -> Space {
         let length = |k: usize| (k < self.rank).then_some(self.lengths[k] as f32);
-        Space::of_lengths([0, 1, 2].map(length))
+        Space::from_lengths([0, 1, 2].map(length))
     }
 
     pub(super) fn is_normal(&self) -> bool {

@@ -85,11 +85,11 @@ fn maybe<T>(values: &[T]) -> &[MaybeUninit<T>] {
 }
 
 impl<'a, T: Copy> Strided<'a, T> {
-    pub(crate) fn of_columns([x, y, z, r]: [&'a [T]; 4]) -> Self {
+    pub(crate) fn from_columns([x, y, z, r]: [&'a [T]; 4]) -> Self {
         Self { axes: [x, y, z].map(maybe), step: 1, radii: Source::Each(maybe(r), 1), count: x.len() }
     }
 
-    pub(crate) fn of_points(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
+    pub(crate) fn from_points(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
         let radii = match radii {
             Radii::All(radius) => Source::All(radius),
             Radii::Each(radii) if radii.len() != centers.len() => {

@@ -44,7 +44,7 @@ impl Space {
         Ok(Self { lengths, triclinic: None })
     }
 
-    pub(crate) fn of_lengths(lengths: [Option<f32>; 3]) -> Self {
+    pub(crate) fn from_lengths(lengths: [Option<f32>; 3]) -> Self {
         Self { lengths: lengths.map(|length| length.map(f64::from)), triclinic: None }
     }
 

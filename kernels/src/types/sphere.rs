@@ -73,7 +73,7 @@ impl<'a> Spheres<'a> {
     /// Value for a sphere without a group; see [`with_groups`](Self::with_groups).
     pub const NO_GROUP: u32 = u32::MAX;
 
-    fn of(layout: Layout<'a>) -> Self {
+    fn from_layout(layout: Layout<'a>) -> Self {
         Self { layout, species: None, groups: None }
     }
 
@@ -88,9 +88,9 @@ impl<'a> Spheres<'a> {
             }
         }
         let columns = [x, y, z, r];
-        Ok(Self::of(match T::narrow(columns) {
+        Ok(Self::from_layout(match T::narrow(columns) {
             Some(columns) => Layout::Columns(columns),
-            None => Layout::Wide(T::wide(Strided::of_columns(columns))),
+            None => Layout::Wide(T::wide(Strided::from_columns(columns))),
         }))
     }
 
@@ -99,12 +99,12 @@ impl<'a> Spheres<'a> {
     /// # Errors
     /// [`InputError::Lengths`] unless there is one radius per point.
     pub fn points<T: Real>(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
-        Ok(Self::strided(Strided::of_points(centers, radii)?))
+        Ok(Self::strided(Strided::from_points(centers, radii)?))
     }
 
     /// Borrows spheres in strided memory.
     pub fn strided<T: Real>(strided: Strided<'a, T>) -> Self {
-        Self::of(Layout::Wide(T::wide(strided)))
+        Self::from_layout(Layout::Wide(T::wide(strided)))
     }
 
     /// Adds a species id per sphere, for [`Interactions`](crate::Interactions).
@@ -182,14 +182,14 @@ impl<'a> Spheres<'a> {
     #[inline]
     #[doc(hidden)]
     pub fn addresses(&self, i: usize) -> [*const u8; 4] {
-        fn of_row<T>(rows: &[[T; 4]], i: usize) -> [*const u8; 4] {
+        fn row_addresses<T>(rows: &[[T; 4]], i: usize) -> [*const u8; 4] {
             let row = rows.as_ptr().wrapping_add(i).cast::<T>();
             [0, 1, 2, 3].map(|lane| row.wrapping_add(lane).cast())
         }
         match self.layout {
-            Layout::Rows(rows) => of_row(bytemuck::cast_slice::<Sphere, [f32; 4]>(rows), i),
+            Layout::Rows(rows) => row_addresses(bytemuck::cast_slice::<Sphere, [f32; 4]>(rows), i),
             Layout::Columns(columns) => columns.map(|column| column.as_ptr().wrapping_add(i).cast()),
-            Layout::RowsF64(rows) => of_row(rows, i),
+            Layout::RowsF64(rows) => row_addresses(rows, i),
             Layout::Wide(wide) => wide.addresses(i),
         }
     }
@@ -233,7 +233,7 @@ impl<'a> Spheres<'a> {
     pub fn values(&self) -> SphereValues<'a> {
         match self.layout {
             Layout::Rows(rows) => SphereValues::RowsF32(bytemuck::cast_slice(rows)),
-            Layout::Columns(columns) => SphereValues::StridedF32(Strided::of_columns(columns)),
+            Layout::Columns(columns) => SphereValues::StridedF32(Strided::from_columns(columns)),
             Layout::RowsF64(rows) => SphereValues::RowsF64(rows),
             Layout::Wide(Wide::F32(strided)) => SphereValues::StridedF32(strided),
             Layout::Wide(Wide::F64(strided)) => SphereValues::StridedF64(strided),
@@ -265,7 +265,7 @@ impl<'a> Spheres<'a> {
 
 impl<'a> From<&'a [Sphere]> for Spheres<'a> {
     fn from(rows: &'a [Sphere]) -> Self {
-        Self::of(Layout::Rows(rows))
+        Self::from_layout(Layout::Rows(rows))
     }
 }
 
@@ -289,7 +289,7 @@ impl<'a> From<&'a [[f32; 4]]> for Spheres<'a> {
 
 impl<'a> From<&'a [[f64; 4]]> for Spheres<'a> {
     fn from(rows: &'a [[f64; 4]]) -> Self {
-        Self::of(Layout::RowsF64(rows))
+        Self::from_layout(Layout::RowsF64(rows))
     }
 }
 

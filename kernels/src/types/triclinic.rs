@@ -91,7 +91,7 @@ impl TriclinicCell {
 
     /// Returns the map to the orthogonal space at this scale.
     pub fn orthogonal_space(&self, scale: f64) -> Orthogonalization {
-        Orthogonalization::of_basis(self.rank, self.unit, self.inverse, scale)
+        Orthogonalization::from_basis(self.rank, self.unit, self.inverse, scale)
     }
 
     pub(crate) fn scaled(self, scale: f64) -> Self {

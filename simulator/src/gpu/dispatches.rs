@@ -84,7 +84,7 @@ impl RunBuffers {
         keep("window", buffer(&gpu, "window", WINDOW_BYTES)?);
         keep("inside", buffer(&gpu, "inside", 4 * tallies)?);
         keep("log", buffer(&gpu, "log", 8 * u64::from(LOG_ROWS))?);
-        let limits = DeviceLimits::of(&gpu.device);
+        let limits = DeviceLimits::from_device(&gpu.device);
         let counts_inside = !tables.occupancy_rows.is_empty();
         if tables.reflects && limits.storage_buffers < k::SURFACE_BUFFERS {
             let (has, needed) = (limits.storage_buffers, k::SURFACE_BUFFERS);

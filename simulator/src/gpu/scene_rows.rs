@@ -69,7 +69,7 @@ impl SceneRows {
     /// Creates the table with `words` reserved for lists of receivers.
     pub(super) fn create(&self, gpu: &GpuDevice, words: usize) -> Result<wgpu::Buffer, Error> {
         let needed = self.cells_at() + 4 * words as u64;
-        let limits = DeviceLimits::of(&gpu.device);
+        let limits = DeviceLimits::from_device(&gpu.device);
         let limit = limits.storage_binding.min(limits.buffer);
         if needed > limit {
             let what = "the table of receivers, membranes and velocities";

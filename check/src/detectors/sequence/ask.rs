@@ -68,7 +68,7 @@ struct Received {
 struct Columns([Vec<f32>; 4]);
 
 impl Columns {
-    fn of(spheres: &[Sphere]) -> Self {
+    fn from_spheres(spheres: &[Sphere]) -> Self {
         let column = |of: fn(&Sphere) -> f32| spheres.iter().map(of).collect();
         Self([column(|s| s.center.x), column(|s| s.center.y), column(|s| s.center.z), column(|s| s.radius)])
     }
@@ -114,7 +114,8 @@ impl Ask {
         let first = split.unwrap_or(n);
         let rows = [&scenario.spheres[..first], &scenario.spheres[first..]];
         let only = |layout: Layout| rows.map(|rows| if self.layout == layout { rows } else { &[] });
-        let (columns, wide) = (only(Layout::Columns).map(Columns::of), only(Layout::WideRows).map(wide_rows));
+        let (columns, wide) =
+            (only(Layout::Columns).map(Columns::from_spheres), only(Layout::WideRows).map(wide_rows));
         let [a, b] = match self.layout {
             Layout::Rows => rows.map(Spheres::from),
             Layout::Columns => [columns[0].view()?, columns[1].view()?],

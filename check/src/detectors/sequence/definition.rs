@@ -15,7 +15,7 @@ const ROUNDING: [f64; 2] = [1e-6, 1e-9];
 /// Spheres in `f64` (`is_wide`) are not wrapped into the box first.
 pub(super) fn pairs(scenario: &TestInput, is_wide: bool) -> Vec<Pair> {
     let sieve = Sieve::new(scenario);
-    let images = scenario.space.triclinic_cell().map(|_| ImageOracle::of(&scenario.space));
+    let images = scenario.space.triclinic_cell().map(|_| ImageOracle::new(&scenario.space));
     let is_pair = |i: usize, j: usize| {
         let cutoff = scenario.cutoff(i, j);
         cutoff.is_some_and(|cutoff| match &images {
@@ -59,7 +59,7 @@ impl Sieve {
         let largest_cutoff = largest_cutoff(scenario);
         let axis = |row: DVec3, period: f64| Axis::new(scenario, row, period, largest_cutoff);
         let axes = match scenario.space.triclinic_cell() {
-            Some(_) => ImageOracle::of(&scenario.space)
+            Some(_) => ImageOracle::new(&scenario.space)
                 .fractions()
                 .iter()
                 .map(|&row| axis(row, row.length().recip()))

@@ -10,7 +10,7 @@ impl EntryCapacity {
         (u32::BITS - spheres.leading_zeros()) as usize
     }
 
-    pub(super) fn of(&self, spheres: u32) -> u32 {
+    pub(super) fn for_spheres(&self, spheres: u32) -> u32 {
         self.0[..=Self::digits(spheres)].iter().copied().max().unwrap_or_default()
     }
 }

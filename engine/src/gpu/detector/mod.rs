@@ -131,8 +131,9 @@ impl GpuDetector {
 
     fn plan_for(&self, spheres: u32, choice: AlgorithmChoice) -> Result<Plan, Error> {
         let (algorithm, _) = self.settings.chosen(choice.algorithm, spheres);
-        let request = Request::new(&self.settings, algorithm, spheres, self.entry_capacity.of(spheres));
-        plan(&request, &DeviceLimits::of(&self.device))
+        let request =
+            Request::new(&self.settings, algorithm, spheres, self.entry_capacity.for_spheres(spheres));
+        plan(&request, &DeviceLimits::from_device(&self.device))
     }
 
     /// Allocates buffers for calls of up to `spheres` spheres, and releases smaller ones.
@@ -186,7 +187,7 @@ impl GpuDetector {
     }
 
     pub(crate) fn raise_entry_capacity(&mut self, entries: u64, spheres: u32) -> bool {
-        let most = most_entries(&DeviceLimits::of(&self.device));
+        let most = most_entries(&DeviceLimits::from_device(&self.device));
         if entries > most {
             return false;
         }
@@ -320,7 +321,7 @@ impl GpuDetector {
     }
 
     pub(crate) fn budget(&self) -> WorkBudget {
-        WorkBudget::new(&self.settings, &DeviceLimits::of(&self.device))
+        WorkBudget::new(&self.settings, &DeviceLimits::from_device(&self.device))
     }
 
     pub(crate) fn plan(&self) -> Option<&Plan> {

@@ -76,7 +76,8 @@ impl Prepared {
                 count_in_buffer: key.input.count.is_some(),
                 tables: tables.map(|tables| &tables.bytes),
             };
-            let call_plan = plan.call_plan(&constants, pipelines.variant(), &DeviceLimits::of(device));
+            let call_plan =
+                plan.call_plan(&constants, pipelines.variant(), &DeviceLimits::from_device(device));
             let bound = call_plan.buffers.iter().map(|buffer| {
                 Ok(match (buffer.resource, tables, &key.input.species, &key.input.count) {
                     (Resource::Own(id), ..) => buffers.get(id).into(),

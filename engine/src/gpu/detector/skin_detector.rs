@@ -253,7 +253,7 @@ impl GpuSkinDetector {
 
     fn allocate(&self, capacities: [u32; 3]) -> Result<Resident, Error> {
         let buffers = self.buffers(capacities);
-        let limits = DeviceLimits::of(&self.device);
+        let limits = DeviceLimits::from_device(&self.device);
         check_buffers(&buffers, &limits)?;
         limits.check_indirect()?;
         let buffers = Buffers::allocate(&self.device, &buffers)?;
@@ -335,7 +335,7 @@ fn search(
     settings: &GpuConfig,
     skin: f32,
 ) -> Result<GpuDetector, Error> {
-    let most = DeviceLimits::of(device).bytes() / size_of::<Pair>() as u64;
+    let most = DeviceLimits::from_device(device).bytes() / size_of::<Pair>() as u64;
     let candidates =
         settings.pair_capacity.saturating_mul(PER_PAIR).min(u32::try_from(most).unwrap_or(u32::MAX));
     let wide = settings

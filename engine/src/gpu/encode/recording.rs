@@ -72,7 +72,7 @@ impl Recording {
         dispatches: impl IntoIterator<Item = Dispatch>,
         resolve: impl Fn(&Dispatch, &str) -> B,
     ) -> Result<Self, Error> {
-        let limits = DeviceLimits::of(device);
+        let limits = DeviceLimits::from_device(device);
         let (sequence, buffers) = DispatchSequence::resolved(dispatches, variant, &limits, resolve);
         let buffers: Vec<BoundBuffer> = buffers.into_iter().map(B::into).collect();
         Self::from_sequence(device, pipelines, &sequence, &buffers)

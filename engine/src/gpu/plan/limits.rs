@@ -18,7 +18,7 @@ pub struct DeviceLimits {
 
 impl DeviceLimits {
     /// Returns the limits of a device.
-    pub fn of(device: &wgpu::Device) -> Self {
+    pub fn from_device(device: &wgpu::Device) -> Self {
         Self::from(&device.limits())
     }
 }

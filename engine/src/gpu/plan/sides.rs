@@ -52,8 +52,8 @@ impl SidePartners {
 impl Sides {
     /// Returns the sides with the fewest comparisons, assuming equally frequent species. Of narrow groups that pair
     /// with each other, that of `crowd`, the species of most spheres, has a narrow side.
-    pub(crate) fn of(table: &Interactions, crowd: Option<u32>) -> Self {
-        let groups = PairingGroups::of_table(table, crowd);
+    pub(crate) fn new(table: &Interactions, crowd: Option<u32>) -> Self {
+        let groups = PairingGroups::from_table(table, crowd);
         let species = || 0..table.species();
         let division = groups.divide();
         let of_species: Vec<Option<u8>> =
@@ -81,7 +81,7 @@ impl Sides {
     }
 
     pub(crate) fn narrow_species(table: &Interactions, crowd: Option<u32>) -> Vec<bool> {
-        let groups = PairingGroups::of_table(table, crowd);
+        let groups = PairingGroups::from_table(table, crowd);
         let is_narrow = |group: &Option<usize>| group.is_some_and(|group| groups.is_narrow(group));
         groups.of_species.iter().map(is_narrow).collect()
     }
@@ -114,13 +114,13 @@ struct PairingGroups {
 type Division = [u8; MAX_SIDES];
 
 impl PairingGroups {
-    fn of_table(table: &Interactions, crowd: Option<u32>) -> Self {
-        let [by_partners, by_distance] = SpeciesPartition::of_table(table);
-        let by_distance = Self::of(&by_distance, table, crowd);
-        if by_distance.narrow == 0 { Self::of(&by_partners, table, crowd) } else { by_distance }
+    fn from_table(table: &Interactions, crowd: Option<u32>) -> Self {
+        let [by_partners, by_distance] = SpeciesPartition::from_table(table);
+        let by_distance = Self::from_partition(&by_distance, table, crowd);
+        if by_distance.narrow == 0 { Self::from_partition(&by_partners, table, crowd) } else { by_distance }
     }
 
-    fn of(partition: &SpeciesPartition, table: &Interactions, crowd: Option<u32>) -> Self {
+    fn from_partition(partition: &SpeciesPartition, table: &Interactions, crowd: Option<u32>) -> Self {
         let active: Vec<usize> = (0..partition.count()).filter(|&group| !partition.is_idle(group)).collect();
         let position = |of: u32| active.iter().position(|&group| group == partition.group_of(of));
         let of_species: Vec<Option<usize>> = (0..table.species()).map(position).collect();

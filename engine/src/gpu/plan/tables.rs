@@ -26,7 +26,7 @@ impl TableBytes {
             let (what, remedy) = ("the interaction table", "merge species");
             return Err(Error::LimitExceeded { what, needed: bytes, limit: storage_binding, remedy });
         }
-        let sides = Sides::of(interactions, crowd);
+        let sides = Sides::new(interactions, crowd);
         let flags = |side: Option<u8>| match side {
             Some(side) => u32::from(side) << SpeciesParams::SIDE_SHIFT,
             None => SpeciesParams::IDLE,

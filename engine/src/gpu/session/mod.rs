@@ -221,7 +221,7 @@ impl GpuSession {
 
     /// Returns the most spheres of a call. No buffer of a grid's plan must have more bytes per sphere than the input.
     pub(crate) fn most_spheres(&self) -> u64 {
-        most_spheres(&DeviceLimits::of(&self.gpu.device))
+        most_spheres(&DeviceLimits::from_device(&self.gpu.device))
     }
 
     /// Returns the bytes of input and staging buffers.

@@ -34,7 +34,7 @@ fn build(spheres: Spheres<'_>, settings: &Settings) -> (CellList, Division) {
     let prepared = buffers.prepare(&query, preparation, Executor::Caller, &mut report.phases).expect("valid");
     let surveyed = SearchInput::surveyed(prepared.test(settings), settings);
     let input = SearchInput { groups: prepared.groups, ..surveyed };
-    let cache = DensityCache::of(None, &input).expect("there is memory");
+    let cache = DensityCache::from_last(None, &input).expect("there is memory");
     list.build(&input, &cache, &mut report).expect("there is memory");
     (list, cache.division())
 }

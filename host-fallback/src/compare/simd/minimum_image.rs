@@ -16,7 +16,7 @@ pub(crate) struct PeriodicBox {
 }
 
 impl PeriodicBox {
-    pub(crate) fn of(space: &Space) -> Option<Self> {
+    pub(crate) fn from_space(space: &Space) -> Option<Self> {
         let lengths = space.lengths_f32();
         let longest = lengths.into_iter().flatten().fold(0.0, f32::max);
         let periodic = Self {
@@ -26,7 +26,7 @@ impl PeriodicBox {
         space.is_periodic().then_some(periodic)
     }
 
-    pub(crate) fn of_frame(space: &Space, largest: f32) -> Self {
+    pub(crate) fn from_frame(space: &Space, largest: f32) -> Self {
         let lengths = space.lengths_f32().map(|length| length.unwrap_or(f32::INFINITY));
         Self { lengths, slack: SearchFrame::slack(largest) }
     }

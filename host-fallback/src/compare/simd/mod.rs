@@ -344,7 +344,7 @@ mod tests {
             };
             let mut certain_contacts = 0;
             for simd in [Simd::Portable, Simd::Avx2, Simd::Avx512] {
-                let found = simd.run(Contacts(&rows, &pairs), PeriodicBox::of(&space));
+                let found = simd.run(Contacts(&rows, &pairs), PeriodicBox::from_space(&space));
                 for (pairs, [possible, certain]) in pairs.iter().zip(found) {
                     for (lane, pair) in pairs.iter().enumerate() {
                         let [possible, certain] = [possible, certain].map(|mask| mask >> lane & 1 == 1);

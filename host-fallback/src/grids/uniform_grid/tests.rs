@@ -4,7 +4,8 @@ use super::*;
 use crate::compare::PairTest;
 
 fn cells<const PERIODIC: bool>(spheres: &[Sphere], ratio: f32, lengths: [Option<f32>; 3]) -> [usize; 2] {
-    let stats = InputStats::of(&PairTest::new(spheres.into(), None), Executor::Pool).expect("all are valid");
+    let stats =
+        InputStats::from_test(&PairTest::new(spheres.into(), None), Executor::Pool).expect("all are valid");
     let grid = UniformGrid::new(&stats, ratio, lengths);
     let count = |grid: &UniformGrid| -> usize {
         spheres.iter().map(|s| grid.cover::<PERIODIC>(s.center, s.radius).cells()).sum()

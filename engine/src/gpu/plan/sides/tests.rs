@@ -11,7 +11,7 @@ fn table(species: u32, pairs: &[(u32, u32, Interaction)]) -> Interactions {
 }
 
 fn sides_of(table: &Interactions) -> Sides {
-    Sides::of(table, None)
+    Sides::new(table, None)
 }
 
 const TOUCH: Interaction = Interaction::Touch;
@@ -120,7 +120,7 @@ fn narrow_sides_never_pair_with_each_other() {
     let within = |distance| Interaction::Within(distance);
     let table = table(2, &[(0, 0, within(0.5)), (0, 1, within(8.0)), (1, 1, within(0.25))]);
     for (crowd, narrow) in [(None, 0b10), (Some(0), 0b01), (Some(1), 0b10)] {
-        let sides = Sides::of(&table, crowd);
+        let sides = Sides::new(&table, crowd);
         let found = (sides.of_species, sides.one_set.narrow);
         assert_eq!(found, (vec![Some(0), Some(1)], narrow), "the narrower one, unless it is not {crowd:?}");
         assert_eq!(Sides::narrow_species(&table, crowd), [0b01, 0b10].map(|side| side == narrow));
