@@ -11,67 +11,67 @@ use wgpu::BufferUsages;
 /// Time limit of each operation.
 pub const TIMEOUT: Duration = Duration::from_secs(60);
 
-pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
+pub fn storage_buffer(gpu: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-    buffer(own, bytes, usage)
+    buffer(gpu, bytes, usage)
 }
 
-fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buffer, Error> {
+fn buffer(gpu: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buffer, Error> {
     let size = bytes.max(16).next_multiple_of(16);
     let descriptor =
         wgpu::BufferDescriptor { label: Some("lazygrid::check"), size, usage, mapped_at_creation: false };
-    own.with_error_scope("a buffer to check with", size, || own.device.create_buffer(&descriptor))
+    gpu.with_error_scope("a buffer to check with", size, || gpu.device.create_buffer(&descriptor))
 }
 
-pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
+pub fn upload<T: Pod>(gpu: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
-    let buffer = storage_buffer(own, bytes.len() as u64)?;
-    own.with_error_scope("an upload", bytes.len() as u64, || own.queue.write_buffer(&buffer, 0, bytes))?;
+    let buffer = storage_buffer(gpu, bytes.len() as u64)?;
+    gpu.with_error_scope("an upload", bytes.len() as u64, || gpu.queue.write_buffer(&buffer, 0, bytes))?;
     Ok(buffer)
 }
 
-pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> Result<Vec<T>, Error> {
+pub fn download<T: Pod>(gpu: &GpuDevice, from: &wgpu::Buffer, count: usize) -> Result<Vec<T>, Error> {
     if count == 0 {
         return Ok(Vec::new());
     }
     let bytes = (count * size_of::<T>()) as u64;
-    let staging = buffer(own, bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
-    submit(own, |encoder| {
+    let staging = buffer(gpu, bytes, BufferUsages::MAP_READ | BufferUsages::COPY_DST)?;
+    submit(gpu, |encoder| {
         encoder.copy_buffer_to_buffer(from, 0, &staging, 0, bytes);
         Ok(())
     })?;
-    own.with_error_scope("a readback", bytes, || staging.slice(..).map_async(wgpu::MapMode::Read, |_| ()))?;
-    wait(own)?;
+    gpu.with_error_scope("a readback", bytes, || staging.slice(..).map_async(wgpu::MapMode::Read, |_| ()))?;
+    wait(gpu)?;
     let refused = |reason: String| Error::DeviceRejected { what: "a readback", reason };
     let view = staging.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
     Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
 }
 
-pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Result<wgpu::Buffer, Error> {
+pub fn upload_one<T: ShaderType + WriteInto>(gpu: &GpuDevice, data: &T) -> Result<wgpu::Buffer, Error> {
     let mut bytes = StorageBuffer::new(Vec::<u8>::new());
     bytes.write(data).expect("a vector grows");
-    upload(own, bytes.as_ref())
+    upload(gpu, bytes.as_ref())
 }
 
-pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Buffer) -> Result<T, Error> {
-    let bytes = download::<u8>(own, from, T::min_size().get() as usize)?;
+pub fn download_one<T: ShaderType + CreateFrom>(gpu: &GpuDevice, from: &wgpu::Buffer) -> Result<T, Error> {
+    let bytes = download::<u8>(gpu, from, T::min_size().get() as usize)?;
     Ok(StorageBuffer::new(bytes).create().expect("all of it"))
 }
 
-pub fn wait(own: &GpuDevice) -> Result<(), Error> {
+pub fn wait(gpu: &GpuDevice) -> Result<(), Error> {
     let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
-    own.poll(until)
+    gpu.poll(until)
 }
 
 pub fn submit<R>(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     record: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<R, Error>,
 ) -> Result<R, Error> {
-    own.with_error_scope("a submission", 0, || {
-        let mut encoder = own.device.create_command_encoder(&Default::default());
+    gpu.with_error_scope("a submission", 0, || {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let result = record(&mut encoder)?;
-        own.queue.submit([encoder.finish()]);
+        gpu.queue.submit([encoder.finish()]);
         Ok(result)
     })?
 }
@@ -81,13 +81,13 @@ pub fn submit<R>(
 /// # Panics
 /// Panics if a binding has no buffer.
 pub fn run(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     kernel: &'static Kernel,
     variant: Variant,
     groups: u32,
     buffers: &[(&str, &wgpu::Buffer)],
 ) -> Result<(), Error> {
-    run_over(own, kernel, variant, [groups, 1, 1], buffers)
+    run_over(gpu, kernel, variant, [groups, 1, 1], buffers)
 }
 
 /// Runs one kernel on a grid of workgroups.
@@ -95,13 +95,13 @@ pub fn run(
 /// # Panics
 /// Panics if a binding has no buffer.
 pub fn run_over(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     kernel: &'static Kernel,
     variant: Variant,
     [x, y, z]: [u32; 3],
     buffers: &[(&str, &wgpu::Buffer)],
 ) -> Result<(), Error> {
-    let (pipeline, layout) = own.kernel(kernel, variant)?;
+    let (pipeline, layout) = gpu.kernel(kernel, variant)?;
     let entry = |(binding, bound): (u32, Binding)| {
         let (_, buffer) = buffers
             .iter()
@@ -110,9 +110,9 @@ pub fn run_over(
         wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
     };
     let entries: Vec<_> = (0..).zip(kernel.bindings(variant)).map(entry).collect();
-    submit(own, |encoder| {
+    submit(gpu, |encoder| {
         let descriptor = wgpu::BindGroupDescriptor { label: None, layout: &layout, entries: &entries };
-        let bindings = own.device.create_bind_group(&descriptor);
+        let bindings = gpu.device.create_bind_group(&descriptor);
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &bindings, &[]);

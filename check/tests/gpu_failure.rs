@@ -20,7 +20,7 @@ fn cloud(n: usize) -> Vec<Sphere> {
     (0..n).map(|_| Sphere::new([0; 3].map(|_| (random.word() % 512) as f32 / 64.0), 0.25)).collect()
 }
 
-fn gpu() -> Detector {
+fn gpu_detector() -> Detector {
     Detector::new(Config::default().backend(Backend::Gpu)).expect("an adapter")
 }
 
@@ -37,11 +37,11 @@ fn assert_lost<T>(result: Result<T, impl Into<Error>>) {
 
 #[test]
 fn lost_device_fails_calls_in_flight() {
-    let Some(own) = new_device() else { return };
+    let Some(gpu) = new_device() else { return };
     let spheres = cloud(3000);
-    let mut session = GpuSession::new(own.clone(), GpuConfig::default()).expect("made");
+    let mut session = GpuSession::new(gpu.clone(), GpuConfig::default()).expect("made");
     let tickets = [(); 2].map(|()| session.begin(Spheres::from(&spheres)).expect("begun"));
-    own.device.destroy();
+    gpu.device.destroy();
     for ticket in tickets {
         // The call may have finished before the device was destroyed.
         match session.finish(ticket, u64::MAX).map(<[Pair]>::to_vec) {
@@ -58,17 +58,17 @@ fn lost_device_fails_calls_in_flight() {
             Err(error) => assert_lost::<()>(Err(error)),
         }
     }
-    assert_lost(GpuSession::new(own, GpuConfig::default()));
+    assert_lost(GpuSession::new(gpu, GpuConfig::default()));
 }
 
 #[test]
 fn lost_device_of_the_caller_is_reported() {
-    let Some(own) = new_device() else { return };
-    let lent = GpuDevice::from_wgpu(&own.device, &own.queue);
+    let Some(gpu) = new_device() else { return };
+    let wrapped = GpuDevice::from_wgpu(&gpu.device, &gpu.queue);
     let spheres = cloud(3000);
-    let mut session = GpuSession::new(lent, GpuConfig::default()).expect("made");
+    let mut session = GpuSession::new(wrapped, GpuConfig::default()).expect("made");
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-    own.device.destroy();
+    gpu.device.destroy();
     assert_lost(session.finish(ticket, u64::MAX));
     match session.begin(Spheres::from(&spheres)) {
         Ok(ticket) => assert_lost(session.finish_count(ticket)),
@@ -82,13 +82,13 @@ fn new_detector_works_after_device_loss() {
     let _alone = alone();
     let spheres = cloud(12_000);
     let expected = on_cpu(&spheres);
-    let mut detector = gpu();
+    let mut detector = gpu_detector();
     assert_eq!(detector.pairs(&spheres).expect("found"), expected);
     GpuDevice::shared(SoftwareAdapter::Allow).expect("the detector's").device.destroy();
     assert_lost(detector.pairs(&spheres));
     assert_lost(detector.count(&spheres));
     assert_lost(detector.neighbors(&spheres));
-    let mut detector = gpu();
+    let mut detector = gpu_detector();
     assert_eq!(detector.pairs(&spheres).expect("found"), expected);
     assert_eq!(detector.count(&spheres).expect("counted"), expected.len() as u64);
 }
@@ -99,7 +99,7 @@ fn lost_device_ends_a_stream_with_an_error() {
     let _alone = alone();
     // The stream must take several searches.
     let spheres = vec![Sphere::new([1.0; 3], 0.5); 3000];
-    let mut detector = gpu();
+    let mut detector = gpu_detector();
     let mut handed = 0;
     let streamed = detector.stream(&spheres, 1 << 16, |pairs| {
         if handed == 0 {
@@ -111,7 +111,7 @@ fn lost_device_ends_a_stream_with_an_error() {
     assert_lost(streamed);
     assert!(0 < handed && handed < 3000 * 2999 / 2, "{handed}");
     let mut again = 0;
-    let streamed = gpu().stream(&spheres, 1 << 16, |pairs| {
+    let streamed = gpu_detector().stream(&spheres, 1 << 16, |pairs| {
         again += pairs.len();
         ControlFlow::Continue(())
     });
@@ -120,13 +120,13 @@ fn lost_device_ends_a_stream_with_an_error() {
 
 #[test]
 fn oversized_request_leaves_the_detector_usable() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let _alone = alone();
     let few = cloud(2000);
     let expected = on_cpu(&few);
-    let mut detector = gpu();
+    let mut detector = gpu_detector();
     for _ in 0..2 {
-        let many = vec![Sphere::default(); (own.adapter.storage_binding / 16) as usize + 1];
+        let many = vec![Sphere::default(); (gpu.adapter.storage_binding / 16) as usize + 1];
         let Err(Error::LimitExceeded { needed, limit, .. }) = detector.count(&many) else {
             panic!("{} spheres do not fit one binding", many.len())
         };
@@ -138,9 +138,9 @@ fn oversized_request_leaves_the_detector_usable() {
 /// A software adapter uses the memory of the process, which `prlimit` restricts.
 #[test]
 fn out_of_memory_leaves_the_detector_usable() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let has_prlimit = cfg!(target_os = "linux") && Command::new("prlimit").arg("--version").output().is_ok();
-    if own.adapter.is_hardware || !has_prlimit {
+    if gpu.adapter.is_hardware || !has_prlimit {
         #[expect(clippy::print_stderr, reason = "a skipped test says why")]
         {
             eprintln!("skipped: needs a software adapter on Linux, and prlimit");

@@ -159,13 +159,13 @@ mod on_gpu {
     #[expect(dead_code, reason = "compiled only")]
     fn every_way_in(device: &wgpu::Device, queue: &wgpu::Queue, rows: &[Sphere]) -> Result<(), Error> {
         let _: Vec<AdapterSummary> = adapters();
-        let own: GpuDevice = GpuDevice::from_wgpu(device, queue);
+        let gpu: GpuDevice = GpuDevice::from_wgpu(device, queue);
         let _: GpuDevice = GpuDevice::open(SoftwareAdapter::Allow)?;
         let _: GpuDevice = GpuDevice::open_adapter(&AdapterId::from("name"))?;
-        let known: Calibration = calibrate(&own, |_| ())?;
+        let known: Calibration = calibrate(&gpu, |_| ())?;
         let config = Config::default().adapter(0).timeout(Duration::from_secs(1)).calibration([known]);
         let _: Detector = Detector::new(config)?;
-        let mut session = GpuSession::new(own, GpuConfig::default())?;
+        let mut session = GpuSession::new(gpu, GpuConfig::default())?;
         let ticket: Ticket = session.begin(rows.into())?;
         let _: &[Pair] = session.finish(ticket, 1000)?;
         let _: &Outcome = session.outcome();

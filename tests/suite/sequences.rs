@@ -35,7 +35,7 @@ fn cpu_answers_do_not_depend_on_earlier_calls() {
 #[test]
 fn gpu_answers_do_not_depend_on_earlier_calls() {
     let has_gpu = variants::all().iter().any(|variant| variant.backend() == Backend::Gpu);
-    let Some(own) = lazygrid_tests::device().filter(|_| has_gpu) else { return };
-    let gpu = Gpu { own, adapter: None };
-    check(&DetectorVariant::on_gpu(&gpu.own, Effort::Quick), Some(&gpu), COUNTS[1]);
+    let Some(device) = lazygrid_tests::device().filter(|_| has_gpu) else { return };
+    let gpu = Gpu { device, adapter: None };
+    check(&DetectorVariant::on_gpu(&gpu.device, Effort::Quick), Some(&gpu), COUNTS[1]);
 }

@@ -10,7 +10,7 @@ use crate::{Effort, TestInput, Tolerance};
 
 #[derive(Clone, Debug)]
 pub struct Gpu {
-    pub own: GpuDevice,
+    pub device: GpuDevice,
     pub adapter: Option<AdapterId>,
 }
 
@@ -55,13 +55,13 @@ impl DetectorVariant {
 
     /// Returns each algorithm with and without subgroup operations and with τ = 1, and a cell list with
     /// candidates. A [quick](Effort::Quick) check has only default settings and the latter.
-    pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
+    pub fn on_gpu(gpu: &GpuDevice, effort: Effort) -> Vec<Self> {
         let with = |subgroups, tau| {
             let variant =
                 move |algorithm| Self { tau, ..Self::new(algorithm, TargetDevice::Gpu { subgroups }) };
             Algorithm::GPU.iter().copied().map(variant).collect::<Vec<_>>()
         };
-        let subgroups = own.adapter.has_subgroups;
+        let subgroups = gpu.adapter.has_subgroups;
         let keeping = Self { skin: 0.5, ..Self::new(Algorithm::CellList, TargetDevice::Gpu { subgroups }) };
         if effort == Effort::Quick {
             return [with(subgroups, None), vec![keeping]].concat();
@@ -137,7 +137,7 @@ impl DetectorVariant {
     pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
         match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
-                subgroups == gpu.own.adapter.has_subgroups || !scenario.is_refined()
+                subgroups == gpu.device.adapter.has_subgroups || !scenario.is_refined()
             }
             _ => true,
         }
@@ -164,7 +164,7 @@ impl DetectorVariant {
             .cell_ratio(self.cell_ratio.unwrap_or(GpuConfig::CELL_RATIO).max(GpuConfig::MIN_CELL_RATIO))
             .interactions(scenario.interactions().map_err(text)?)
             .space(scenario.space);
-        let mut session = GpuSession::new(gpu.own.clone(), settings).map_err(text)?;
+        let mut session = GpuSession::new(gpu.device.clone(), settings).map_err(text)?;
         session.set_timeout(TIMEOUT);
         if let Skin::Fixed(distance) = skin_of(&scenario.spheres, self.skin) {
             session.set_skin(Some(distance as f32)).map_err(text)?;
@@ -178,7 +178,7 @@ impl DetectorVariant {
     /// Returns the options of `lazygrid detect`; empty if it cannot repeat the variant.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let without_subgroups = match (self.target, gpu) {
-            (TargetDevice::Gpu { subgroups }, Some(gpu)) => subgroups != gpu.own.adapter.has_subgroups,
+            (TargetDevice::Gpu { subgroups }, Some(gpu)) => subgroups != gpu.device.adapter.has_subgroups,
             _ => false,
         };
         if self.skin > 0.0 || without_subgroups {

@@ -9,9 +9,9 @@ use super::division::Division;
 use super::kernel_call::KernelCall;
 use super::support::{KernelError, changed, same};
 
-pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_configure(gpu: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
-        let chosen = case.choose(own)?;
+        let chosen = case.choose(gpu)?;
         let ConfiguredCellList { list, scenario, outcome, .. } = &chosen;
         let what = |what: &str| format!("{what}, {case:?}");
         let bad = scenario.spheres.iter().filter(|sphere| !sphere.is_valid()).count() as u32;
@@ -35,11 +35,11 @@ pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
         levels_look_once(&chosen, case)?;
         touching_spheres_are_in_adjacent_cells(&chosen, case)?;
     }
-    first_calls_miss_no_crowd(own)
+    first_calls_miss_no_crowd(gpu)
 }
 
 /// One sphere of each crowd is sampled: a first call looks again, a later one uses the last occupancy.
-fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
+fn first_calls_miss_no_crowd(gpu: &GpuDevice) -> Result<(), KernelError> {
     const SPHERES: u32 = 20_000;
     let sphere = |k: u32| {
         let crowd = (256 * k + SPHERES / 2) / SPHERES;
@@ -59,7 +59,7 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     ] {
         let division = Division::OneSet;
         let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false, division };
-        let chosen = case.choose_after(own, (0..SPHERES).map(sphere).collect(), 0, before)?;
+        let chosen = case.choose_after(gpu, (0..SPHERES).map(sphere).collect(), 0, before)?;
         same(
             || format!("crowds of {case:?} after {before:?}"),
             &(chosen.list.has_overfull_cells != 0),
@@ -72,24 +72,28 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
 fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
     let ConfiguredCellList { list, scenario, .. } = chosen;
     let mut base = 0;
-    for (level, own) in list.level.iter().enumerate() {
-        let what = || format!("level {level} of {own:?}, {} quanta, {case:?}", list.units_per_cell);
+    for (level, level_layout) in list.level.iter().enumerate() {
+        let what = || format!("level {level} of {level_layout:?}, {} quanta, {case:?}", list.units_per_cell);
         let is_used = list.levels >> level & 1 == 1;
-        same(what, &(own.cells.x != 0), &is_used)?;
+        same(what, &(level_layout.cells.x != 0), &is_used)?;
         if is_used {
-            same(what, &own.base, &base)?;
-            same(what, &own.cells.to_array().iter().all(|&cells| cells == 1 || cells > 2), &true)?;
-            let cell_size = list.units_per_cell as f32 / own.units_per_length;
-            let finer = own.units_per_length / list.level[0].units_per_length;
-            let radius_is_finer = list.level[0].max_radius / own.max_radius == finer;
+            same(what, &level_layout.base, &base)?;
+            same(what, &level_layout.cells.to_array().iter().all(|&cells| cells == 1 || cells > 2), &true)?;
+            let cell_size = list.units_per_cell as f32 / level_layout.units_per_length;
+            let finer = level_layout.units_per_length / list.level[0].units_per_length;
+            let radius_is_finer = list.level[0].max_radius / level_layout.max_radius == finer;
             let is_cell_size = (64..=127).contains(&list.units_per_cell)
                 && radius_is_finer
-                && (2.0 * own.max_radius..2.1 * own.max_radius).contains(&cell_size);
+                && (2.0 * level_layout.max_radius..2.1 * level_layout.max_radius).contains(&cell_size);
             same(what, &is_cell_size, &true)?;
             // At the coordinate `far`, the number of units reaches 2³⁰.
-            same(what, &(f32::from_bits(own.far) * own.units_per_length), &((1_u32 << 30) as f32))?;
+            same(
+                what,
+                &(f32::from_bits(level_layout.far) * level_layout.units_per_length),
+                &((1_u32 << 30) as f32),
+            )?;
             for (axis, length) in scenario.space.lengths().into_iter().enumerate() {
-                let (cells, around) = (own.cells[axis], own.around[axis]);
+                let (cells, around) = (level_layout.cells[axis], level_layout.around[axis]);
                 let fits =
                     |around: u32, cell_size: f64| length.is_some_and(|l| l / f64::from(around) >= cell_size);
                 let is_wide = around == 1 || (fits(around, cell_size.into()) && around.is_multiple_of(cells));
@@ -97,7 +101,7 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
                 let is_full = !(has_room && fits(around + cells, 1.001 * f64::from(cell_size)));
                 same(what, &(is_wide, is_full), &(true, true))?;
             }
-            base += own.cells.element_product();
+            base += level_layout.cells.element_product();
         }
     }
     let what = |what: &str| format!("{what}, {case:?}");
@@ -133,12 +137,17 @@ fn levels_are_those_of_their_spheres(
         let level = level_of_depth(number);
         let what = || format!("level of {radius} on side {side}, {case:?}");
         same(what, &level_of(list, radius), &level)?;
-        let own = &list.level[side * per_side + if list.has_overfull_cells == 0 { 0 } else { level }];
+        let level_layout =
+            &list.level[side * per_side + if list.has_overfull_cells == 0 { 0 } else { level }];
         let first =
             (0..=number).find(|&number| level_of_depth(number) == level).map_or(0, |first| depths[first]);
         let depth = if list.has_overfull_cells == 0 { 0 } else { first };
         let expected = list.level[0].max_radius * (-(depth as f32)).exp2();
-        same(what, &(own.cells.x != 0, own.max_radius, radius <= own.max_radius), &(true, expected, true))?;
+        same(
+            what,
+            &(level_layout.cells.x != 0, level_layout.max_radius, radius <= level_layout.max_radius),
+            &(true, expected, true),
+        )?;
     }
     Ok(())
 }
@@ -181,9 +190,9 @@ fn touching_spheres_are_in_adjacent_cells(
         if levels.contains(&LISTED) {
             continue;
         }
-        let own = if levels[0] == levels[1] && list.has_overfull_cells != 0 { levels[0] } else { 0 };
+        let last_level = if levels[0] == levels[1] && list.has_overfull_cells != 0 { levels[0] } else { 0 };
         let first_of_side = (0..chosen.division.sides()).map(|side| side * chosen.division.levels_per_side());
-        for level in first_of_side.flat_map(|first| [first, first + own]) {
+        for level in first_of_side.flat_map(|first| [first, first + last_level]) {
             if list.level[level].cells.x == 0 {
                 continue;
             }
@@ -204,13 +213,13 @@ fn touching_spheres_are_in_adjacent_cells(
     Ok(())
 }
 
-pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn occupancy_count(gpu: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
-        let chosen = case.choose(own)?;
+        let chosen = case.choose(gpu)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let slots = call.occupancy_slots as usize;
         for groups in [1, case.spheres.div_ceil(k::WORKGROUP_SIZE)] {
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[*call])?
                 .with_layout("cell_list", list)?
                 .with("spheres", &scenario.spheres)?
@@ -226,12 +235,12 @@ pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
 }
 
 /// Each sphere gets its cell and a distinct rank in it.
-pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cells_count(gpu: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
-        let chosen = case.choose(own)?;
+        let chosen = case.choose(gpu)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (table, call) = (chosen.density(true), SearchParams { tau: TAU, ..*call });
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[call])?
             .with_layout("cell_list", list)?
             .with("count_source", &[call])?
@@ -276,15 +285,15 @@ pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn cells_key(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cells_key(gpu: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
-        let chosen = case.choose(own)?;
+        let chosen = case.choose(gpu)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (table, tile) = (chosen.density(true), k::RADIX_TILE);
         let tiles = case.spheres.div_ceil(tile);
         let pass = RadixPass { shift: 0, mask: 255, is_first: 1 };
         let lengths = SortCounts { items: case.spheres, counters: 256 * tiles };
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[*call])?
             .with("digit_pass", &[pass])?
             .with_layout("cell_list", list)?

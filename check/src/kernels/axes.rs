@@ -15,7 +15,7 @@ const EXTENTS: [[f32; 3]; 3] = [[1000.0; 3], [1000.0, 1000.0, 0.0], [1000.0, 0.0
 const RADIUS: f32 = 1.0 / 1024.0;
 
 /// Tries table sizes around every number at which one more cell fits.
-pub(crate) fn cells_along_axes(own: &GpuDevice, effort: Effort) -> Result<(), KernelError> {
+pub(crate) fn cells_along_axes(gpu: &GpuDevice, effort: Effort) -> Result<(), KernelError> {
     let roots: Vec<u32> = match effort {
         Effort::Quick => vec![3, 7, 64],
         Effort::Default => (3..=40).chain([97, 98, 125, 200, 250]).collect(),
@@ -33,14 +33,14 @@ pub(crate) fn cells_along_axes(own: &GpuDevice, effort: Effort) -> Result<(), Ke
                 }
                 let cells = extent.map(|length| if length > 0.0 { expected } else { 1 });
                 let case = || format!("cells along {extent:?} with room for {capacity}");
-                same(case, &configured(own, extent, capacity)?, &cells)?;
+                same(case, &configured(gpu, extent, capacity)?, &cells)?;
             }
         }
     }
     Ok(())
 }
 
-fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 3], KernelError> {
+fn configured(gpu: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 3], KernelError> {
     let corner = |k: usize| [0, 1, 2].map(|axis| if k >> axis & 1 == 1 { extent[axis] } else { 0.0 });
     let spheres: Vec<_> = (0..16).map(|k| Sphere::new(corner(k), RADIUS)).collect();
     let call = SearchParams {
@@ -57,6 +57,6 @@ fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 
     let before = changed(Outcome::zeroed(), |new| new.dispatch_z = 1);
     let survey = surveyed(&spheres, one_set, false);
     let input = CellListInput { spheres: &spheres, survey, division: one_set };
-    let configured = configure(own, one_set.divide(call), variant, input, before)?;
+    let configured = configure(gpu, one_set.divide(call), variant, input, before)?;
     Ok(configured.list.level[0].cells.to_array())
 }

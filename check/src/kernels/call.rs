@@ -10,9 +10,9 @@ use super::support::{KernelError, SIZES, changed, ordered, same, variants};
 use crate::scenes::{hard, periodic};
 use crate::{Random, SceneSeed, TestInput};
 
-pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn call_begin(gpu: &GpuDevice) -> Result<(), KernelError> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?
             .with("count_source", &[given])?
             .with("bounds", &[1_u32; size_of::<Bounds>() / 4])?
@@ -40,7 +40,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn spheres_wrap(gpu: &GpuDevice) -> Result<(), KernelError> {
     let lengths = [
         [Some(1.0_f32), Some(0.1), Some(3.3)],
         [None, Some(f32::MAX), Some(1.0 / 3.0)],
@@ -50,7 +50,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     for (seed, lengths) in lengths.into_iter().enumerate() {
         let space = periodic::space(lengths);
         let spheres = wrapped_scene(seed as u64, space);
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[SearchParams::zeroed().in_space(space)])?
             .with_layout("grid", &Grid { spheres: spheres.len() as u32, ..Grid::zeroed() })?
             .with("given", &spheres)?
@@ -66,7 +66,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn spheres_interleave(gpu: &GpuDevice) -> Result<(), KernelError> {
     const ROOM: usize = 700;
     const UNWRITTEN: [u32; 4] = [7; 4];
     let mut random = Random(0);
@@ -78,7 +78,7 @@ pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
         let columns = layout.bytes(ROOM as u32).map(|bytes| -> Vec<u32> {
             (0..bytes / 4).map(|_| 0x3f80_0000 + random.below(1 << 22)).collect()
         });
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?
             .with("columns", &[layout])?
             .with("count_source", &[given])?
@@ -117,14 +117,14 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     spheres
 }
 
-pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn bounds_reduce(gpu: &GpuDevice) -> Result<(), KernelError> {
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {
         let mut spheres = hard::soup(&SceneSeed::drawn(&mut Random(size as u64), size));
         let bad = size / 100;
         spheres.iter_mut().take(bad).for_each(|sphere| sphere.center.y = f32::NAN);
         let empty = Bounds { low: [u32::MAX; 3], radius_min: u32::MAX, ..Bounds::zeroed() };
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[SearchParams::zeroed()])?
             .with_layout("grid", &Grid { spheres: size as u32, ..Grid::zeroed() })?
             .with("spheres", &spheres)?
@@ -161,14 +161,14 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn entries_finish(gpu: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
         let wanted = changed(Outcome::zeroed(), |new| {
             new.entries_lo = low;
             new.entries_hi = high;
         });
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[SearchParams { entry_capacity: capacity, ..SearchParams::zeroed() }])?
             .with("outcome", &[wanted])?
             .with("sort_counts", &[SortCounts::zeroed()])?;
@@ -186,7 +186,7 @@ pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
 }
 
 /// The arguments suffice if one cell has all entries.
-pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn runs_search_far_dispatch_args(gpu: &GpuDevice) -> Result<(), KernelError> {
     let most = 65_535 * k::RUN_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];
     let tiles = [1, k::RUN_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
@@ -196,7 +196,7 @@ pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
                 new.deferred_blocks = blocks;
                 new.deferred_max_tiles = tiles;
             });
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[SearchParams { tiles_per_submission, ..SearchParams::zeroed() }])?
                 .with("outcome", &[listed])?
                 .with("dispatch", &[0_u32; 4])?;
@@ -221,9 +221,9 @@ pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     Ok(())
 }
 
-pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
-    for variant in variants(own) {
-        more_than_a_word_of_pairs(own, variant)?;
+pub(crate) fn naive_search(gpu: &GpuDevice) -> Result<(), KernelError> {
+    for variant in variants(gpu) {
+        more_than_a_word_of_pairs(gpu, variant)?;
         for (size, window, capacity) in [
             (0_u32, 0..u32::MAX, 16_u32),
             (1, 0..u32::MAX, 16),
@@ -244,7 +244,7 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
                 window_end: window.end,
                 ..SearchParams::zeroed()
             };
-            let call = naive_call(own, call, &scenario.spheres, Outcome::zeroed())?;
+            let call = naive_call(gpu, call, &scenario.spheres, Outcome::zeroed())?;
             call.run(&k::NAIVE_SEARCH, variant, 64)?;
             let found = call.read_one::<Outcome>("outcome")?.found();
             let case = |what: &str| format!("{what}, {size} at one point, {variant:?}");
@@ -266,7 +266,7 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
+fn more_than_a_word_of_pairs(gpu: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
     let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 600];
     let call = SearchParams {
         spheres: 600,
@@ -279,7 +279,7 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Ke
         new.found_lo = u32::MAX - 1000;
         new.found_hi = 2;
     });
-    let call = naive_call(own, call, &spheres, before)?;
+    let call = naive_call(gpu, call, &spheres, before)?;
     call.run(&k::NAIVE_SEARCH, variant, 64)?;
     let found = call.read_one::<Outcome>("outcome")?.found();
     same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
@@ -287,13 +287,13 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Ke
 
 /// The pair buffer has an extra row, which must stay unchanged.
 fn naive_call<'a>(
-    own: &'a GpuDevice,
+    gpu: &'a GpuDevice,
     call: SearchParams,
     spheres: &[Sphere],
     before: Outcome,
 ) -> Result<KernelCall<'a>, KernelError> {
     let grid = Grid { spheres: call.spheres, ordinary: 1, ..Grid::zeroed() };
-    Ok(KernelCall::new(own)
+    Ok(KernelCall::new(gpu)
         .with("params", &[call])?
         .with_layout("grid", &grid)?
         .with("spheres", spheres)?
@@ -301,7 +301,7 @@ fn naive_call<'a>(
         .with("pairs", &vec![[u32::MAX; 2]; call.pair_capacity as usize + 1])?)
 }
 
-pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn outcome_finish(gpu: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 40_000_000_u32;
     for (low, high) in [
         (0_u32, 0_u32),
@@ -319,7 +319,7 @@ pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
             new.found_lo = low;
             new.found_hi = high;
         });
-        let call = KernelCall::new(own).with("params", &[call])?.with("outcome", &[given])?;
+        let call = KernelCall::new(gpu).with("params", &[call])?.with("outcome", &[given])?;
         call.run(&k::OUTCOME_FINISH, Variant::default(), 1)?;
         let found = call.read_one::<Outcome>("outcome")?;
         let overflow = if given.found() > capacity.into() { Outcome::OVERFLOW_PAIRS } else { 0 };

@@ -11,7 +11,7 @@ use super::support::{KernelError, SIZES, ordered, same};
 use crate::scenes::hard;
 use crate::{Random, SceneSeed};
 
-pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn stats_reduce(gpu: &GpuDevice) -> Result<(), KernelError> {
     let species = Division::Species { meets_itself: true };
     let narrow = Division::NarrowSide { two_sets: true };
     let divisions = [Division::OneSet, Division::TwoSets, species, Division::DisjointPairs(4), narrow];
@@ -23,7 +23,7 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
         let (counters, occupancy_slots) = (size as u32 + 7, 512);
         let call = SearchParams { spheres: size as u32, counters, occupancy_slots, ..SearchParams::zeroed() };
         let call = division.divide(call);
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[call])?
             .with("count_source", &[size as u32])?
             .with("spheres", &spheres)?
@@ -56,7 +56,7 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
 }
 
 /// Few spheres get the cells that the kernels for many choose.
-pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_setup_small(gpu: &GpuDevice) -> Result<(), KernelError> {
     let one_set = [0, 1, 300, 2048].map(|size| (size, Division::OneSet));
     let species = Division::Species { meets_itself: false };
     let narrow = Division::NarrowSide { two_sets: true };
@@ -84,7 +84,7 @@ pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> 
             ..SearchParams::zeroed()
         };
         let given = || {
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[division.divide(call)])?
                 .with("count_source", &[size])?
                 .with("spheres", &spheres)?;
@@ -164,7 +164,7 @@ pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) ->
     survey
 }
 
-pub(crate) fn cell_starts_find(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_starts_find(gpu: &GpuDevice) -> Result<(), KernelError> {
     let sizes = [(0, 10), (1, 1), (300, 5000), (20_000, 9000), (20_000, 3), (70_000, 4096), (70_000, 1)];
     for (spheres, cells) in sizes {
         let mut random = Random(spheres as u64);
@@ -177,8 +177,8 @@ pub(crate) fn cell_starts_find(own: &GpuDevice) -> Result<(), KernelError> {
         };
         let counters = list.cells + 2;
         let expected: Vec<u32> =
-            (0..counters).map(|cell| sorted.partition_point(|&own| own < cell) as u32).collect();
-        let call = KernelCall::new(own)
+            (0..counters).map(|cell| sorted.partition_point(|&gpu| gpu < cell) as u32).collect();
+        let call = KernelCall::new(gpu)
             .with_layout("cell_list", &list)?
             .with("cells", &sorted)?
             .with("starts", &vec![u32::MAX; counters as usize])?;
@@ -189,7 +189,7 @@ pub(crate) fn cell_starts_find(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn spheres_scatter(gpu: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         let mut random = Random(size as u64);
         let spheres = hard::any_floats(&SceneSeed::drawn(&mut random, size));
@@ -206,7 +206,7 @@ pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
         let mut order: Vec<u32> = (0..size as u32).collect();
         order.sort_by_key(|&at| homes[at as usize]);
         let list = CellListLayout { spheres: size as u32, ..CellListLayout::zeroed() };
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[SearchParams::zeroed()])?
             .with_layout("cell_list", &list)?
             .with("spheres", &spheres)?

@@ -65,13 +65,13 @@ fn scene(count: u32) -> Vec<Sphere> {
 }
 
 impl CellListCase {
-    pub(crate) fn choose(self, own: &GpuDevice) -> Result<ConfiguredCellList, KernelError> {
-        self.choose_for(own, scene(self.spheres))
+    pub(crate) fn choose(self, gpu: &GpuDevice) -> Result<ConfiguredCellList, KernelError> {
+        self.choose_for(gpu, scene(self.spheres))
     }
 
     pub(crate) fn choose_for(
         self,
-        own: &GpuDevice,
+        gpu: &GpuDevice,
         spheres: Vec<Sphere>,
     ) -> Result<ConfiguredCellList, KernelError> {
         let tau = if self.is_dense { TAU } else { u32::MAX };
@@ -81,12 +81,12 @@ impl CellListCase {
             new.found_lo = 7;
             new.dispatch_z = 1;
         });
-        self.choose_after(own, spheres, tau, before)
+        self.choose_after(gpu, spheres, tau, before)
     }
 
     pub(crate) fn choose_after(
         self,
-        own: &GpuDevice,
+        gpu: &GpuDevice,
         spheres: Vec<Sphere>,
         tau: u32,
         before: Outcome,
@@ -111,7 +111,7 @@ impl CellListCase {
         let images: Vec<Sphere> =
             spheres.iter().map(|sphere| Sphere::new(space.wrap(sphere.center), sphere.radius)).collect();
         let input = CellListInput { spheres: &spheres, survey: surveyed(&images, division, false), division };
-        let configured = configure(own, call, variant, input, before)?;
+        let configured = configure(gpu, call, variant, input, before)?;
         let Configured { list, lengths, outcome, survey } = configured;
         let scenario = TestInput { space, mixture: division.mixture(count), ..spheres.into() };
         Ok(ConfiguredCellList { call, scenario, division, list, variant, lengths, outcome, survey })
@@ -132,14 +132,14 @@ pub(crate) struct Configured {
 }
 
 pub(crate) fn configure(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     call: SearchParams,
     variant: Variant,
     input: CellListInput<'_>,
     before: Outcome,
 ) -> Result<Configured, KernelError> {
     let CellListInput { spheres, survey, division } = input;
-    let call = KernelCall::new(own)
+    let call = KernelCall::new(gpu)
         .with("params", &[call])?
         .with("count_source", &[call.spheres])?
         .with("spheres", spheres)?
@@ -170,23 +170,23 @@ pub(crate) fn numbers(
     level: usize,
     fused: bool,
 ) -> [u32; 3] {
-    let own = &list.level[level];
+    let level_layout = &list.level[level];
     let quanta = i64::from(list.units_per_cell);
     let open = |x: f32| {
         let (size, middle) = (x.abs().to_bits(), 1_i64 << 30);
-        if size < own.far {
-            return (middle + ((x * own.units_per_length).floor() as i64).div_euclid(quanta)) as u32;
+        if size < level_layout.far {
+            return (middle + ((x * level_layout.units_per_length).floor() as i64).div_euclid(quanta)) as u32;
         }
-        let beyond = i64::from((size - own.far).min(0x1fff_ffff));
+        let beyond = i64::from((size - level_layout.far).min(0x1fff_ffff));
         match x < 0.0 {
             true => (middle - (middle + quanta - 1) / quanta - beyond) as u32,
             false => (middle + middle / quanta + beyond) as u32,
         }
     };
     [0, 1, 2].map(|axis| match space.lengths()[axis] {
-        None => open(place[axis]).wrapping_sub(own.low[axis]),
+        None => open(place[axis]).wrapping_sub(level_layout.low[axis]),
         Some(_) => {
-            let (around, per_length) = (own.around[axis], own.cells_per_length[axis]);
+            let (around, per_length) = (level_layout.around[axis], level_layout.cells_per_length[axis]);
             let half = 0.5 * around as f32;
             let at =
                 if fused { place[axis].mul_add(per_length, half) } else { place[axis] * per_length + half };
@@ -196,10 +196,10 @@ pub(crate) fn numbers(
 }
 
 fn cell(list: &CellListLayout, space: Space, place: Vec3, level: usize, fused: bool) -> u32 {
-    let own = &list.level[level];
+    let level_layout = &list.level[level];
     let [x, y, z] = numbers(list, space, place, level, fused);
-    let [x, y, z] = [x % own.cells.x, y % own.cells.y, z % own.cells.z];
-    own.base + (z * own.cells.y + y) * own.cells.x + x
+    let [x, y, z] = [x % level_layout.cells.x, y % level_layout.cells.y, z % level_layout.cells.z];
+    level_layout.base + (z * level_layout.cells.y + y) * level_layout.cells.x + x
 }
 
 impl ConfiguredCellList {

@@ -37,7 +37,7 @@ fn bounds(spheres: &[Sphere]) -> Bounds {
     }
 }
 
-pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn grid_configure(gpu: &GpuDevice) -> Result<(), KernelError> {
     let spaces = [[None; 3], [Some(20.0), None, Some(1e3)], [Some(3.0); 3]];
     for (count, lengths) in [1, 200, 256].into_iter().flat_map(|count| spaces.map(|space| (count, space))) {
         for radii in [&[0.5_f32][..], &[0.5, 0.01]] {
@@ -51,7 +51,7 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
                 ..SearchParams::zeroed()
             };
             let settings = settings.in_space(space);
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[settings])?
                 .with("spheres", &spheres)?
                 .with("bounds", &[bounds(&spheres)])?

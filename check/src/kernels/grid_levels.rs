@@ -122,15 +122,15 @@ fn is_dense(counter: u32, tau: u32) -> bool {
 
 fn density_plain(cells: &[Cells], tau: u32) -> (Vec<u32>, Vec<u32>) {
     let mut first = vec![0; 2 * SLOTS as usize];
-    for own in cells {
-        own.at(0).all().for_each(|cell| add(&mut first, 0, cell, own.depth == 0));
+    for sphere_cells in cells {
+        sphere_cells.at(0).all().for_each(|cell| add(&mut first, 0, cell, sphere_cells.depth == 0));
     }
     let mut all = first.clone();
-    for own in cells {
-        for depth in 1..=own.depth {
-            for cell in own.at(depth).all() {
+    for sphere_cells in cells {
+        for depth in 1..=sphere_cells.depth {
+            for cell in sphere_cells.at(depth).all() {
                 if is_dense(first[slot(0, cell.map(|c| c >> depth))], tau) {
-                    add(&mut all, depth, cell, depth == own.depth);
+                    add(&mut all, depth, cell, depth == sphere_cells.depth);
                 }
             }
         }
@@ -139,17 +139,17 @@ fn density_plain(cells: &[Cells], tau: u32) -> (Vec<u32>, Vec<u32>) {
 }
 
 fn depths_of(cells: &[Cells]) -> u32 {
-    cells.iter().fold(0, |bits, own| bits | 1 << own.depth)
+    cells.iter().fold(0, |bits, sphere_cells| bits | 1 << sphere_cells.depth)
 }
 
 fn packed(cells: &[Cells]) -> Vec<[u32; 2]> {
-    cells.iter().map(|own| own.packed()).collect()
+    cells.iter().map(|sphere_cells| sphere_cells.packed()).collect()
 }
 
-pub(crate) fn occupancy_clear(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn occupancy_clear(gpu: &GpuDevice) -> Result<(), KernelError> {
     for slots in [1_u32, 256, 512, 8192] {
         for split_policy in [1, 2] {
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[SearchParams { occupancy_slots: slots, ..call(split_policy, 0) }])?
                 .with_layout("grid", &grid(1, split_policy))?
                 .with("occupancy", &vec![7_u32; 2 * slots as usize + 3])?;
@@ -163,7 +163,7 @@ pub(crate) fn occupancy_clear(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cells_find(gpu: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for split_policy in [0, 1, 2] {
             let mut spheres = spheres(size);
@@ -177,7 +177,7 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
                 words[300] = [u32::MAX; 2];
                 expected.remove(300);
             }
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[call(split_policy, 0)])?
                 .with_layout("grid", &grid(size, split_policy))?
                 .with("spheres", &spheres)?
@@ -188,7 +188,9 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
             let case = |what: &str| format!("{what}, {size} spheres, split_policy {split_policy}");
             same(|| case("cells"), &call.read::<[u32; 2]>("cells", size)?, &words)?;
             let bounds = call.read_one::<Bounds>("bounds")?;
-            let of = |depth: u32| expected.iter().filter(|own| own.depth == depth).count() as u32;
+            let of = |depth: u32| {
+                expected.iter().filter(|sphere_cells| sphere_cells.depth == depth).count() as u32
+            };
             let counted = std::array::from_fn(|depth| if split_policy == 1 { of(depth as u32) } else { 0 });
             same(|| case("depths, counted"), &bounds.descending, &counted)?;
             let depths = if split_policy == 0 { 0 } else { depths_of(&expected) };
@@ -201,13 +203,13 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn levels_count(gpu: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for tau in [0, 3, 400, u32::MAX] {
             let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
             let (first, all) = density_plain(&cells, tau);
             let mut bounds = Bounds { depth_mask: depths_of(&cells), ..Bounds::zeroed() };
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[call(2, tau)])?
                 .with_layout("grid", &grid(size, 2))?
                 .with("bounds", &[bounds])?
@@ -216,9 +218,9 @@ pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
             call.run(&k::LEVELS_COUNT, Variant::default(), size.div_ceil(256) as u32)?;
             let case = |what: &str| format!("{what}, {size} spheres, tau {tau}");
             same(|| case("density"), &call.read::<u32>("occupancy", all.len())?, &all)?;
-            for own in cells.iter().filter(|own| own.depth > 0) {
-                let descends = own.at(0).all().any(|cell| is_dense(first[slot(0, cell)], tau));
-                bounds.descending[own.depth as usize] += u32::from(descends);
+            for sphere_cells in cells.iter().filter(|sphere_cells| sphere_cells.depth > 0) {
+                let descends = sphere_cells.at(0).all().any(|cell| is_dense(first[slot(0, cell)], tau));
+                bounds.descending[sphere_cells.depth as usize] += u32::from(descends);
             }
             same(|| case("bounds"), &call.read_one::<Bounds>("bounds")?, &bounds)?;
         }
@@ -226,7 +228,7 @@ pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn levels_assign_keys(gpu: &GpuDevice) -> Result<(), KernelError> {
     let mut random = Random(5);
     for key_bits in [16_u32, 24, 32] {
         for depths in [1_u32, 0b11, 0b1_0001, 1 << 31 | 1, u32::MAX, 0x0010_8002] {
@@ -235,7 +237,7 @@ pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
                 bounds.descending[depth] = random.word() >> (8 + random.word() % 24);
             }
             let goes_on = bounds.descending[1..].iter().any(|&count| count > 0);
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[SearchParams { key_bits, ..call(2, 0) }])?
                 .with("bounds", &[bounds])?
                 .with_layout("grid", &grid(1 << 20, 2))?;
@@ -271,10 +273,10 @@ pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
 
 fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec<[u32; 2]> {
     let mut entries = Vec::new();
-    for (index, own) in cells.iter().enumerate() {
+    for (index, sphere_cells) in cells.iter().enumerate() {
         let mut handed: HashMap<[i32; 3], bool> = HashMap::new();
-        for depth in (0..=own.depth).filter(|depth| grid.level_mask >> depth & 1 == 1) {
-            let here = own.at(depth);
+        for depth in (0..=sphere_cells.depth).filter(|depth| grid.level_mask >> depth & 1 == 1) {
+            let here = sphere_cells.at(depth);
             let above = (0..depth).rev().find(|depth| grid.level_mask >> depth & 1 == 1);
             let mut next = HashMap::new();
             for cell in here.all() {
@@ -284,7 +286,8 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
                     continue;
                 }
                 let counter = density[slot(depth, cell)];
-                let refined = depth < own.depth && (grid.split_policy == 1 || is_dense(counter, tau));
+                let refined =
+                    depth < sphere_cells.depth && (grid.split_policy == 1 || is_dense(counter, tau));
                 let meets = if grid.split_policy == 1 {
                     grid.depth_mask >> depth & 1 == 1
                 } else {
@@ -308,8 +311,8 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
     entries
 }
 
-pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
-    for variant in variants(own) {
+pub(crate) fn entries_emit(gpu: &GpuDevice) -> Result<(), KernelError> {
+    for variant in variants(gpu) {
         for (size, (split_policy, tau)) in SIZES.into_iter().flat_map(|size| {
             [(1, 0), (2, 0), (2, 3), (2, 400), (2, u32::MAX)].map(|settings| (size, settings))
         }) {
@@ -325,7 +328,7 @@ pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
             for depth in 0..32 {
                 grid.levels[depth] = LevelKeys { bits: UVec3::new(3, 4, 5), base: (depth as u32) << 12 };
             }
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[call(split_policy, tau)])?
                 .with_layout("grid", &grid)?
                 .with("cells", &packed(&cells))?

@@ -8,13 +8,13 @@ use lazygrid_kernels::kernel::{Kernel, Variant};
 use crate::device::{download, download_one, run_over, upload, upload_one};
 
 pub(super) struct KernelCall<'a> {
-    own: &'a GpuDevice,
+    gpu: &'a GpuDevice,
     buffers: Vec<(&'static str, wgpu::Buffer)>,
 }
 
 impl<'a> KernelCall<'a> {
-    pub(super) fn new(own: &'a GpuDevice) -> Self {
-        Self { own, buffers: Vec::new() }
+    pub(super) fn new(gpu: &'a GpuDevice) -> Self {
+        Self { gpu, buffers: Vec::new() }
     }
 
     pub(super) fn bind(mut self, name: &'static str, buffer: wgpu::Buffer) -> Self {
@@ -24,7 +24,7 @@ impl<'a> KernelCall<'a> {
     }
 
     pub(super) fn with<T: Pod>(self, name: &'static str, values: &[T]) -> Result<Self, Error> {
-        let buffer = upload(self.own, values)?;
+        let buffer = upload(self.gpu, values)?;
         Ok(self.bind(name, buffer))
     }
 
@@ -37,7 +37,7 @@ impl<'a> KernelCall<'a> {
         name: &'static str,
         value: &T,
     ) -> Result<Self, Error> {
-        let buffer = upload_one(self.own, value)?;
+        let buffer = upload_one(self.gpu, value)?;
         Ok(self.bind(name, buffer))
     }
 
@@ -54,7 +54,7 @@ impl<'a> KernelCall<'a> {
         groups: [u32; 3],
     ) -> Result<(), Error> {
         let buffers: Vec<_> = self.buffers.iter().map(|(name, buffer)| (*name, buffer)).collect();
-        run_over(self.own, kernel, variant, groups, &buffers)
+        run_over(self.gpu, kernel, variant, groups, &buffers)
     }
 
     pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
@@ -63,7 +63,7 @@ impl<'a> KernelCall<'a> {
     }
 
     pub(super) fn read<T: Pod>(&self, name: &str, count: usize) -> Result<Vec<T>, Error> {
-        download(self.own, self.buffer(name), count)
+        download(self.gpu, self.buffer(name), count)
     }
 
     pub(super) fn read_one<T: Pod>(&self, name: &str) -> Result<T, Error> {
@@ -71,6 +71,6 @@ impl<'a> KernelCall<'a> {
     }
 
     pub(super) fn read_layout<T: ShaderType + CreateFrom>(&self, name: &str) -> Result<T, Error> {
-        download_one(self.own, self.buffer(name))
+        download_one(self.gpu, self.buffer(name))
     }
 }

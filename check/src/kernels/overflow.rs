@@ -16,14 +16,14 @@ struct Searched<'a> {
 }
 
 impl<'a> Searched<'a> {
-    fn new(own: &'a GpuDevice, chosen: &'a ConfiguredCellList) -> Result<Self, KernelError> {
+    fn new(gpu: &'a GpuDevice, chosen: &'a ConfiguredCellList) -> Result<Self, KernelError> {
         let ConfiguredCellList { call, scenario, list, .. } = chosen;
         let (homes, _) = chosen.homes(&chosen.density(false), false);
         let mut order: Vec<u32> = (0..call.spheres).collect();
         order.sort_by_key(|&id| homes[id as usize]);
         let cells: Vec<u32> = order.iter().map(|&id| homes[id as usize]).collect();
         let starts: Vec<u32> =
-            (0..list.cells + 3).map(|cell| cells.partition_point(|&own| own < cell) as u32).collect();
+            (0..list.cells + 3).map(|cell| cells.partition_point(|&gpu| gpu < cell) as u32).collect();
         let image = |&id: &u32| {
             let Sphere { center, radius } = scenario.spheres[id as usize];
             Sphere::new(scenario.space.wrap(center), radius)
@@ -31,7 +31,7 @@ impl<'a> Searched<'a> {
         let sorted: Vec<Sphere> = order.iter().map(image).collect();
         let species = chosen.division.species(order.len());
         let sorted_species: Vec<u32> = order.iter().map(|&id| species[id as usize]).collect();
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[*call])?
             .with_layout("cell_list", list)?
             .with("starts", &starts)?
@@ -67,17 +67,17 @@ impl<'a> Searched<'a> {
     }
 }
 
-pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_search_overflow(gpu: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let case = CellListCase { spheres: case.spheres.min(1500), ..case };
-        let chosen = case.choose(own)?;
+        let chosen = case.choose(gpu)?;
         let expected = chosen.scenario.oracle_of_valid();
         for tiles_per_submission in [SearchParams::UNLIMITED, 1] {
             let parted = ConfiguredCellList {
                 call: SearchParams { tiles_per_submission, ..chosen.call },
                 ..chosen.clone()
             };
-            let searched = Searched::new(own, &parted)?;
+            let searched = Searched::new(gpu, &parted)?;
             searched.search_first_chunks()?;
             let mut parts = 0;
             while searched.outcome()?.has_remaining_work() {
@@ -92,13 +92,13 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
 }
 
 /// All later spheres are candidates of a coincident sphere.
-pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_search(gpu: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
         let division = Division::OneSet;
         let case = CellListCase { spheres: count, lengths: [None; 3], is_dense: false, division };
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
-        let chosen = case.choose_for(own, spheres)?;
-        let searched = Searched::new(own, &chosen)?;
+        let chosen = case.choose_for(gpu, spheres)?;
+        let searched = Searched::new(gpu, &chosen)?;
         searched.search_first_chunks()?;
         let chunk = chosen.call.candidates_per_invocation;
         let what = |what: &str| format!("{what} of {count} at one point");
@@ -114,13 +114,13 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
         let mut crowded = searched.call.read::<u32>("deferred", blocks.len())?;
         crowded.sort_unstable();
         same(|| what("blocks"), &crowded, &blocks)?;
-        few(own, &chosen)?;
-        refused(own, &chosen)?;
+        few(gpu, &chosen)?;
+        refused(gpu, &chosen)?;
     }
     Ok(())
 }
 
-fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
+fn few(gpu: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
     let count = chosen.call.spheres;
     let pairs = count * (count - 1) / 2;
     let chunks_per_block = count.div_ceil(chosen.call.candidates_per_invocation);
@@ -129,9 +129,9 @@ fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
         let call =
             SearchParams { chunks_per_block, pair_capacity, consumer_workgroup_size: 64, ..chosen.call };
         let limited = ConfiguredCellList { call, ..chosen.clone() };
-        let searched = Searched::new(own, &limited)?;
+        let searched = Searched::new(gpu, &limited)?;
         let largest_at = 4 * u64::from(chosen.list.cells + 2);
-        own.queue.write_buffer(searched.call.buffer("starts"), largest_at, bytemuck::bytes_of(&largest));
+        gpu.queue.write_buffer(searched.call.buffer("starts"), largest_at, bytemuck::bytes_of(&largest));
         let groups = count.div_ceil(k::WORKGROUP_SIZE) * chunks_per_block;
         searched.call.run(&k::CELL_LIST_SEARCH, chosen.variant, groups)?;
         let outcome = searched.outcome()?;
@@ -143,13 +143,13 @@ fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
     Ok(())
 }
 
-fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
+fn refused(gpu: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
     for overflow in [0, Outcome::OVERFLOW_LAYOUT] {
         let variant = k::Variant { reuse: true, ..chosen.variant };
         let chosen = ConfiguredCellList { variant, ..chosen.clone() };
-        let searched = Searched::new(own, &chosen)?;
+        let searched = Searched::new(gpu, &chosen)?;
         let before = changed(Outcome::zeroed(), |new| new.overflow = overflow);
-        own.queue.write_buffer(searched.call.buffer("outcome"), 0, bytemuck::bytes_of(&before));
+        gpu.queue.write_buffer(searched.call.buffer("outcome"), 0, bytemuck::bytes_of(&before));
         searched.search_first_chunks()?;
         let is_searched = searched.outcome()? != before;
         same(|| format!("search with overflow {overflow}"), &is_searched, &(overflow == 0))?;
@@ -157,7 +157,7 @@ fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelErr
     Ok(())
 }
 
-pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn cell_list_search_overflow_dispatch_args(gpu: &GpuDevice) -> Result<(), KernelError> {
     let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
     for (blocks, chunks) in
         blocks.into_iter().flat_map(|blocks| [1, 7, 50_000].map(|chunks| (blocks, chunks)))
@@ -175,7 +175,7 @@ pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result
                 new.deferred_max_tiles = chunks;
                 new.deferred_end = begin;
             });
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[call])?
                 .with("outcome", &[listed])?
                 .with("dispatch", &[0_u32; 4])?;

@@ -22,29 +22,29 @@ fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
     (before.collect(), total)
 }
 
-pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
+pub fn scan(gpu: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
-        let scan = PrefixScan::new(&own.device, subgroups);
+        let scan = PrefixScan::new(&gpu.device, subgroups);
         let mut random = Random(size as u64);
         let random = (0..size).map(|_| random.word()).collect();
         for values in [random, vec![1; size], vec![u32::MAX; size]] {
-            let buffer = upload(own, &values)?;
+            let buffer = upload(gpu, &values)?;
             let scan = scan.bind(&buffer, size as u32)?;
-            submit(own, |encoder| {
+            submit(gpu, |encoder| {
                 scan.encode(encoder);
                 Ok(())
             })?;
-            let total = download::<u32>(own, scan.total(), 2)?;
+            let total = download::<u32>(gpu, scan.total(), 2)?;
             let total = u64::from(total[1]) << 32 | u64::from(total[0]);
-            let found = (download(own, &buffer, size)?, total);
+            let found = (download(gpu, &buffer, size)?, total);
             same(|| format!("{size} values, subgroups {subgroups}"), &found, &scan_plain(&values))?;
         }
     }
     Ok(())
 }
 
-pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
-    for variant in variants(own) {
+pub(crate) fn scan_once(gpu: &GpuDevice) -> Result<(), KernelError> {
+    for variant in variants(gpu) {
         for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {
             let mut random = Random(size as u64);
             let mut values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
@@ -52,7 +52,7 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
             // The kernel reads four values at once and stores the largest after the last.
             values.resize((size + 1).next_multiple_of(4), 0);
             let lengths = SortCounts { items: 0, counters: size as u32 };
-            let call = KernelCall::new(own).with("sort_counts", &[lengths])?.with("values", &values)?;
+            let call = KernelCall::new(gpu).with("sort_counts", &[lengths])?.with("values", &values)?;
             call.run(&SCAN_ONCE, variant, 1)?;
             let found = call.read::<u32>("values", size + 1)?;
             let mut expected = scan_plain(&values[..size]).0;
@@ -63,12 +63,12 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-fn sort_one(own: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Result<(), KernelError> {
+fn sort_one(gpu: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Result<(), KernelError> {
     let count = keys.len();
     let payload: Vec<u32> = (0..count as u32).collect();
-    let input = KeyValueBuffers { keys: upload(own, keys)?, payload: upload(own, &payload)? };
+    let input = KeyValueBuffers { keys: upload(gpu, keys)?, payload: upload(gpu, &payload)? };
     let sort = sort.bind(&input, count as u32, bits)?;
-    submit(own, |encoder| {
+    submit(gpu, |encoder| {
         sort.encode(encoder);
         Ok(())
     })?;
@@ -77,7 +77,7 @@ fn sort_one(own: &GpuDevice, sort: &RadixSort, keys: &[u32], bits: u32) -> Resul
     let mask = u32::MAX >> (32 - bits);
     expected.sort_by_key(|&index| keys[index as usize] & mask);
     let moved: Vec<u32> = expected.iter().map(|&index| keys[index as usize]).collect();
-    let found: [Vec<u32>; 2] = [download(own, &sorted.payload, count)?, download(own, &sorted.keys, count)?];
+    let found: [Vec<u32>; 2] = [download(gpu, &sorted.payload, count)?, download(gpu, &sorted.keys, count)?];
     same(|| format!("payload and keys, {count} by {bits} bits"), &found, &[expected, moved])
 }
 
@@ -91,17 +91,17 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
     ]
 }
 
-pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
+pub fn sort(gpu: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
-        let sort = RadixSort::new(&own.device, subgroups);
+        let sort = RadixSort::new(&gpu.device, subgroups);
         let [random, others @ ..] = keys_of_each_kind(size);
         if size >= MANY {
-            [24, 32].into_iter().try_for_each(|bits| sort_one(own, &sort, &random, bits))?;
+            [24, 32].into_iter().try_for_each(|bits| sort_one(gpu, &sort, &random, bits))?;
             continue;
         }
-        [1, 8, 13, 24, 25, 32].into_iter().try_for_each(|bits| sort_one(own, &sort, &random, bits))?;
+        [1, 8, 13, 24, 25, 32].into_iter().try_for_each(|bits| sort_one(gpu, &sort, &random, bits))?;
         for keys in others {
-            [13, 32].into_iter().try_for_each(|bits| sort_one(own, &sort, &keys, bits))?;
+            [13, 32].into_iter().try_for_each(|bits| sort_one(gpu, &sort, &keys, bits))?;
         }
     }
     Ok(())

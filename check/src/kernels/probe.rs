@@ -5,10 +5,10 @@ use lazygrid_kernels::kernel::SubgroupProbe;
 use super::kernel_call::KernelCall;
 use super::support::{KernelError, same, variants};
 
-pub(crate) fn subgroup_probe(own: &GpuDevice) -> Result<(), KernelError> {
-    let [least, most] = own.adapter.subgroup_sizes;
-    for variant in variants(own) {
-        let call = KernelCall::new(own).with("probe", &[SubgroupProbe::BEFORE])?;
+pub(crate) fn subgroup_probe(gpu: &GpuDevice) -> Result<(), KernelError> {
+    let [least, most] = gpu.adapter.subgroup_sizes;
+    for variant in variants(gpu) {
+        let call = KernelCall::new(gpu).with("probe", &[SubgroupProbe::BEFORE])?;
         call.run(&k::SUBGROUP_PROBE, variant, SubgroupProbe::WORKGROUPS)?;
         let found = call.read_one::<SubgroupProbe>("probe")?;
         let case = || format!("{found:?} of {variant:?}");

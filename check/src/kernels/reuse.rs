@@ -100,11 +100,11 @@ fn has_room(chosen: &ConfiguredCellList, cells: &[u32]) -> bool {
     counts[..in_cells].iter().all(|&count| count <= most) && counts[in_cells] <= most_listed
 }
 
-pub(crate) fn reused_cells(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn reused_cells(gpu: &GpuDevice) -> Result<(), KernelError> {
     let mut refused = [0; 2];
     for (case, (what, change)) in cases().flat_map(|case| CHANGES.map(|change| (case, change))) {
         for (occupancy_slots, count) in [(0, SPHERES), (512, SPHERES), (0, SPHERES - 1)] {
-            let chosen = case.choose_for(own, sparse())?;
+            let chosen = case.choose_for(gpu, sparse())?;
             let mut spheres = chosen.scenario.spheres.clone();
             change(&mut spheres);
             let call = SearchParams { occupancy_slots, ..chosen.call };
@@ -113,7 +113,7 @@ pub(crate) fn reused_cells(own: &GpuDevice) -> Result<(), KernelError> {
             let after = ConfiguredCellList { call, scenario, variant, ..chosen };
             let text = || format!("{what}, {count} spheres, {occupancy_slots} counters, {case:?}");
             let suits = suits(&after, count, &after.scenario.spheres);
-            let reused = Reused { own, chosen: &after, count };
+            let reused = Reused { gpu, chosen: &after, count };
             let cells = reused.counted(suits, text)?;
             reused.sorted(suits, &cells, text)?;
             refused[usize::from(suits && has_room(&after, &cells))] += 1;
@@ -123,7 +123,7 @@ pub(crate) fn reused_cells(own: &GpuDevice) -> Result<(), KernelError> {
 }
 
 struct Reused<'a> {
-    own: &'a GpuDevice,
+    gpu: &'a GpuDevice,
     chosen: &'a ConfiguredCellList,
     count: u32,
 }
@@ -134,9 +134,9 @@ impl Reused<'_> {
     }
 
     fn counted(&self, suits: bool, what: impl Fn() -> String) -> Result<Vec<u32>, KernelError> {
-        let Self { own, chosen, count } = *self;
+        let Self { gpu, chosen, count } = *self;
         let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[*call])?
             .with_layout("cell_list", list)?
             .with("count_source", &[count])?
@@ -159,7 +159,7 @@ impl Reused<'_> {
     }
 
     fn sorted(&self, suits: bool, cells: &[u32], what: impl Fn() -> String) -> Result<(), KernelError> {
-        let Self { own, chosen, count } = *self;
+        let Self { gpu, chosen, count } = *self;
         let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
         let tiles = SPHERES.div_ceil(k::RADIX_TILE);
         let before = changed(Outcome::zeroed(), |new| {
@@ -168,7 +168,7 @@ impl Reused<'_> {
             new.deferred_blocks = 4;
             new.dispatch_z = 1;
         });
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[*call])?
             .with("digit_pass", &[RadixPass { shift: 0, mask: 255, is_first: 1 }])?
             .with_layout("cell_list", list)?

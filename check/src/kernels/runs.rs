@@ -18,7 +18,7 @@ struct Runs<'a> {
 }
 
 impl<'a> Runs<'a> {
-    fn new(own: &'a GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
+    fn new(gpu: &'a GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = SearchParams {
             pair_capacity: PAIR_CAPACITY,
@@ -29,7 +29,7 @@ impl<'a> Runs<'a> {
         };
         let grid = Grid { spheres: count, passive, split_policy: 2 * passive, ..Grid::zeroed() };
         let objects: Vec<u32> = (0..count).map(|entry| entry | 7 << 29).collect();
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[call])?
             .with_layout("grid", &grid)?
             .with("sort_counts", &[SortCounts { items: count, ..SortCounts::zeroed() }])?
@@ -60,7 +60,7 @@ impl<'a> Runs<'a> {
     }
 }
 
-pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn runs_search_near(gpu: &GpuDevice) -> Result<(), KernelError> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
     {
@@ -71,7 +71,7 @@ pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
         };
         let keys: Vec<u32> = (0..count).map(of).collect();
         let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
-        let runs = Runs::new(own, &spheres, &keys, passive)?;
+        let runs = Runs::new(gpu, &spheres, &keys, passive)?;
         runs.search()?;
         let expected = (0..count)
             .flat_map(|i| (i + 1..count).map(move |j| Pair { i, j }))
@@ -82,8 +82,8 @@ pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
-    for variant in super::support::variants(own) {
+pub(crate) fn runs_search_far(gpu: &GpuDevice) -> Result<(), KernelError> {
+    for variant in super::support::variants(gpu) {
         for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {
             let keys: Vec<u32> =
                 (0..).zip(lengths).flat_map(|(run, &length)| (0..length).map(move |_| run)).collect();
@@ -100,7 +100,7 @@ pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
             let expected: Vec<Pair> = (0..count)
                 .flat_map(|i| (i + 1..count).filter(move |&j| touch(i, j)).map(move |j| Pair { i, j }))
                 .collect();
-            let runs = Runs::new(own, &spheres, &keys, 0)?;
+            let runs = Runs::new(gpu, &spheres, &keys, 0)?;
             runs.search()?;
             let near = expected.iter().filter(|pair| pair.j - pair.i <= NEAR).copied().collect();
             let case = |what: &str| format!("{what}, runs of {lengths:?}, {variant:?}");

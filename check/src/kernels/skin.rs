@@ -44,7 +44,7 @@ fn call(spheres: usize, space: Space) -> (SearchParams, Variant) {
     (call.in_space(space), Variant { periodic: space.is_periodic(), ..Variant::default() })
 }
 
-pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn skin_displacement(gpu: &GpuDevice) -> Result<(), KernelError> {
     let sizes = SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths)));
     for ((size, lengths), has_species) in sizes.flat_map(|case| [false, true].map(|species| (case, species)))
     {
@@ -84,7 +84,7 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
             let species: Vec<u32> = (0..size).map(|k| u32::from(is_idle(k))).collect();
             let of_species = [0, SpeciesParams::IDLE].map(|flags| SpeciesParams { flags, half: 0.0 });
             let reference: Vec<[f32; 4]> = then.iter().map(widened).collect();
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[call])?
                 .with("skin", &[SKIN])?
                 .with("count_source", &[size as u32])?
@@ -106,7 +106,7 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn skin_check(gpu: &GpuDevice) -> Result<(), KernelError> {
     let unchanged = changed(SkinState::zeroed(), |new| {
         new.is_complete = 1;
         new.spheres = 10;
@@ -128,7 +128,7 @@ pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
         let is_rebuilt = rebuilt != 0;
         for steps in [1, 20, 70] {
             let full: Vec<u32> = (1..=3 * steps).collect();
-            let call = KernelCall::new(own)
+            let call = KernelCall::new(gpu)
                 .with("params", &[call(12, Space::UNBOUNDED).0])?
                 .with("skin", &[SKIN])?
                 .with("count_source", &[10_u32])?
@@ -157,7 +157,7 @@ pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn skin_store_reference(gpu: &GpuDevice) -> Result<(), KernelError> {
     for (size, rebuilt) in
         SIZES.into_iter().flat_map(|size| [0, SkinState::DISPLACEMENT].map(|rebuilt| (size, rebuilt)))
     {
@@ -168,7 +168,7 @@ pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
         });
         let before = vec![[7.0_f32; 4]; size];
         let (call, variant) = call(size, Space::UNBOUNDED);
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[call])?
             .with("skin", &[SKIN])?
             .with("spheres", &given)?
@@ -182,7 +182,7 @@ pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn candidates_test_dispatch_args(gpu: &GpuDevice) -> Result<(), KernelError> {
     let most = 40_000_000;
     let entries = Outcome::OVERFLOW_ENTRIES;
     for (low, high, overflow, given) in [
@@ -200,7 +200,7 @@ pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
             new.overflow = overflow;
             new.quarantined = 3;
         });
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[call(12, Space::UNBOUNDED).0])?
             .with("skin", &[SkinParams { candidate_capacity: most, ..SKIN }])?
             .with("count_source", &[given])?
@@ -231,7 +231,7 @@ pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     Ok(())
 }
 
-pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
+pub(crate) fn candidates_test(gpu: &GpuDevice) -> Result<(), KernelError> {
     for (lengths, (window, capacity)) in SPACES.into_iter().flat_map(|lengths| {
         [(0..u32::MAX, 1 << 16), (100..200, 1 << 16), (0..u32::MAX, 50)].map(|limits| (lengths, limits))
     }) {
@@ -255,7 +255,7 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
         };
         let state = changed(SkinState::zeroed(), |new| new.candidates = candidates.len() as u32);
         let groups = (candidates.len() as u32).div_ceil(256);
-        let call = KernelCall::new(own)
+        let call = KernelCall::new(gpu)
             .with("params", &[call])?
             .with("candidates", &candidates)?
             .with("state", &[state])?

@@ -15,8 +15,8 @@ pub enum KernelError {
     Device(#[from] Error),
 }
 
-pub(super) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
-    let smallest = own.adapter.has_subgroups.then_some(own.adapter.subgroup_sizes[0]);
+pub(super) fn variants(gpu: &GpuDevice) -> impl Iterator<Item = Variant> {
+    let smallest = gpu.adapter.has_subgroups.then_some(gpu.adapter.subgroup_sizes[0]);
     let subgroups = smallest.filter(|&size| size >= 4);
     let with = move |subgroups| Variant { subgroups, ..Variant::default() };
     [None, subgroups].into_iter().take(1 + usize::from(subgroups.is_some())).map(with)

@@ -12,8 +12,8 @@ use crate::device::{download, storage_buffer, submit, upload, wait};
 use crate::kernels::{KernelError, same};
 
 /// Returns the time in which an idle GPU raises its clock.
-pub fn warm_up(own: &GpuDevice) -> Duration {
-    if own.adapter.is_hardware { Duration::from_secs(1) } else { Duration::ZERO }
+pub fn warm_up(gpu: &GpuDevice) -> Duration {
+    if gpu.adapter.is_hardware { Duration::from_secs(1) } else { Duration::ZERO }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -44,27 +44,27 @@ pub fn median(times: &[f64]) -> f64 {
 
 #[derive(Debug)]
 pub struct GpuTimer {
-    own: GpuDevice,
+    gpu: GpuDevice,
     rounds: usize,
     ticks: Option<(wgpu::QuerySet, wgpu::Buffer)>,
 }
 
 impl GpuTimer {
-    pub fn new(own: GpuDevice, rounds: usize) -> Result<Self, Error> {
-        let ticks = own.adapter.has_timestamps.then(|| {
+    pub fn new(gpu: GpuDevice, rounds: usize) -> Result<Self, Error> {
+        let ticks = gpu.adapter.has_timestamps.then(|| {
             let descriptor =
                 wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count: 2 };
-            own.with_error_scope("timestamps", 16, || {
+            gpu.with_error_scope("timestamps", 16, || {
                 let resolved = wgpu::BufferDescriptor {
                     label: None,
                     size: 16,
                     usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
                     mapped_at_creation: false,
                 };
-                (own.device.create_query_set(&descriptor), own.device.create_buffer(&resolved))
+                (gpu.device.create_query_set(&descriptor), gpu.device.create_buffer(&resolved))
             })
         });
-        Ok(Self { rounds, ticks: ticks.transpose()?, own })
+        Ok(Self { rounds, ticks: ticks.transpose()?, gpu })
     }
 
     /// Returns `false` for wall time, which includes the submission.
@@ -75,7 +75,7 @@ impl GpuTimer {
     /// Times a copy of the keys and payloads that a sort pass moves.
     pub fn copy(&self, n: u32) -> Result<Measured, KernelError> {
         let size = u64::from(n.max(2)) * 8;
-        let (from, to) = (storage_buffer(&self.own, size)?, storage_buffer(&self.own, size)?);
+        let (from, to) = (storage_buffer(&self.gpu, size)?, storage_buffer(&self.gpu, size)?);
         let times = self.times(|_| (), |encoder| encoder.copy_buffer_to_buffer(&from, 0, &to, 0, size))?;
         Ok(Measured { times, bytes: 2 * size })
     }
@@ -83,8 +83,8 @@ impl GpuTimer {
     /// Times a scan, which reads each value twice and writes it once.
     pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let values = random(n);
-        let (fresh, work) = (upload(&self.own, &values)?, storage_buffer(&self.own, u64::from(n) * 4)?);
-        let scan = PrefixScan::new(&self.own.device, subgroups).bind(&work, n)?;
+        let (fresh, work) = (upload(&self.gpu, &values)?, storage_buffer(&self.gpu, u64::from(n) * 4)?);
+        let scan = PrefixScan::new(&self.gpu.device, subgroups).bind(&work, n)?;
         let renew = |encoder: &mut wgpu::CommandEncoder| copy_all(encoder, &fresh, &work);
         let times = self.times(renew, |encoder| scan.encode(encoder))?;
         let mut sum = 0_u32;
@@ -94,20 +94,20 @@ impl GpuTimer {
             before
         };
         let expected: Vec<u32> = values.iter().map(before).collect();
-        same(|| format!("a scan of {n}"), &download(&self.own, &work, n as usize)?, &expected)?;
+        same(|| format!("a scan of {n}"), &download(&self.gpu, &work, n as usize)?, &expected)?;
         Ok(Measured { times, bytes: 12 * u64::from(n) })
     }
 
     /// Times a sort, whose passes count keys, scan counters, and move keys and payload.
     pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
-        let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];
+        let fresh = [upload(&self.gpu, &keys)?, upload(&self.gpu, &payload)?];
         let bytes = u64::from(n) * 4;
         let work = KeyValueBuffers {
-            keys: storage_buffer(&self.own, bytes)?,
-            payload: storage_buffer(&self.own, bytes)?,
+            keys: storage_buffer(&self.gpu, bytes)?,
+            payload: storage_buffer(&self.gpu, bytes)?,
         };
-        let sort = RadixSort::new(&self.own.device, subgroups).bind(&work, n, bits)?;
+        let sort = RadixSort::new(&self.gpu.device, subgroups).bind(&work, n, bits)?;
         let renew = |encoder: &mut wgpu::CommandEncoder| {
             copy_all(encoder, &fresh[0], &work.keys);
             copy_all(encoder, &fresh[1], &work.payload);
@@ -116,7 +116,7 @@ impl GpuTimer {
         let mask = u32::MAX >> (32 - bits);
         let mut expected = payload;
         expected.sort_by_key(|&at| keys[at as usize] & mask);
-        let found = download(&self.own, &sort.sorted().payload, n as usize)?;
+        let found = download(&self.gpu, &sort.sorted().payload, n as usize)?;
         same(|| format!("a sort of {n} by {bits} bits"), &found, &expected)?;
         let a_pass = 20 * u64::from(n) + 16 * u64::from(SortCounts::for_sort(n).counters);
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
@@ -129,7 +129,7 @@ impl GpuTimer {
     ) -> Result<Vec<f64>, Error> {
         let begun = Instant::now();
         self.seconds(&prepare, &record)?;
-        while begun.elapsed() < warm_up(&self.own) {
+        while begun.elapsed() < warm_up(&self.gpu) {
             self.seconds(&prepare, &record)?;
         }
         (0..self.rounds).map(|_| self.seconds(&prepare, &record)).collect()
@@ -141,20 +141,20 @@ impl GpuTimer {
         record: impl Fn(&mut wgpu::CommandEncoder),
     ) -> Result<f64, Error> {
         let Some((queries, ticks)) = &self.ticks else {
-            submit(&self.own, |encoder| {
+            submit(&self.gpu, |encoder| {
                 prepare(encoder);
                 Ok(())
             })?;
-            wait(&self.own)?;
+            wait(&self.gpu)?;
             let start = Instant::now();
-            submit(&self.own, |encoder| {
+            submit(&self.gpu, |encoder| {
                 record(encoder);
                 Ok(())
             })?;
-            wait(&self.own)?;
+            wait(&self.gpu)?;
             return Ok(start.elapsed().as_secs_f64());
         };
-        submit(&self.own, |encoder| {
+        submit(&self.gpu, |encoder| {
             prepare(encoder);
             stamp(encoder, queries, 0);
             record(encoder);
@@ -162,8 +162,8 @@ impl GpuTimer {
             encoder.resolve_query_set(queries, 0..2, ticks, 0);
             Ok(())
         })?;
-        let read = download::<u64>(&self.own, ticks, 2)?;
-        let period = f64::from(self.own.queue.get_timestamp_period()) * 1e-9;
+        let read = download::<u64>(&self.gpu, ticks, 2)?;
+        let period = f64::from(self.gpu.queue.get_timestamp_period()) * 1e-9;
         Ok(read[1].saturating_sub(read[0]) as f64 * period)
     }
 }

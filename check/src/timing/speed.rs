@@ -36,7 +36,7 @@ pub enum SkipReason {
     Failed(String),
 }
 
-pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
+pub fn on_gpu(gpu: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     let mut is_too_large = false;
     let mut describe = |error: Error| {
         use Error::{DeviceOutOfMemory, LimitExceeded, OutOfMemory};
@@ -45,9 +45,9 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
     };
     let speed = catch_panic(|| {
         let settings = GpuConfig::default().algorithm(algorithm).timestamps(true);
-        let mut session = GpuSession::new(own.clone(), settings).map_err(&mut describe)?;
+        let mut session = GpuSession::new(gpu.clone(), settings).map_err(&mut describe)?;
         session.set_timeout(TIMEOUT);
-        let timed = timed(warm_up(own), || {
+        let timed = timed(warm_up(gpu), || {
             let ticket = session.begin(Spheres::from(spheres)).map_err(&mut describe)?;
             let pairs = session.finish_count(ticket).map_err(&mut describe)?;
             Ok((pairs, session.timings().to_vec()))

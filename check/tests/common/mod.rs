@@ -48,24 +48,24 @@ pub(crate) fn four_species(species: Vec<u32>) -> SpeciesSetup {
     SpeciesSetup { species, rows }
 }
 
-pub(crate) fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> wgpu::Buffer {
-    device::upload(own, data).expect("uploaded")
+pub(crate) fn upload<T: Pod>(gpu: &GpuDevice, data: &[T]) -> wgpu::Buffer {
+    device::upload(gpu, data).expect("uploaded")
 }
 
-pub(crate) fn download<T: Pod>(own: &GpuDevice, buffer: &wgpu::Buffer, count: usize) -> Vec<T> {
-    device::download(own, buffer, count).expect("downloaded")
+pub(crate) fn download<T: Pod>(gpu: &GpuDevice, buffer: &wgpu::Buffer, count: usize) -> Vec<T> {
+    device::download(gpu, buffer, count).expect("downloaded")
 }
 
-pub(crate) fn submit<R>(own: &GpuDevice, record: impl FnOnce(&mut wgpu::CommandEncoder) -> R) -> R {
-    device::submit(own, |encoder| Ok(record(encoder))).expect("submitted")
+pub(crate) fn submit<R>(gpu: &GpuDevice, record: impl FnOnce(&mut wgpu::CommandEncoder) -> R) -> R {
+    device::submit(gpu, |encoder| Ok(record(encoder))).expect("submitted")
 }
 
 pub(crate) fn run(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     kernel: &'static Kernel,
     variant: Variant,
     groups: u32,
     buffers: &[(&str, &wgpu::Buffer)],
 ) {
-    device::run(own, kernel, variant, groups, buffers).expect("run");
+    device::run(gpu, kernel, variant, groups, buffers).expect("run");
 }

@@ -25,10 +25,10 @@ impl Scene {
     }
 }
 
-pub(crate) fn detect(own: &GpuDevice, scene: &Scene, settings: GpuConfig) -> (Outcome, Vec<Pair>) {
+pub(crate) fn detect(gpu: &GpuDevice, scene: &Scene, settings: GpuConfig) -> (Outcome, Vec<Pair>) {
     let interactions = scene.input.interactions().expect("a table");
     let settings = settings.space(scene.input.space).interactions(interactions);
-    let mut session = GpuSession::new(own.clone(), settings).expect("made");
+    let mut session = GpuSession::new(gpu.clone(), settings).expect("made");
     let pairs = session_pairs(&mut session, scene.input.view());
     (*session.outcome(), pairs)
 }

@@ -14,17 +14,17 @@ pub(crate) struct Found {
     pub(crate) pairs: Vec<Pair>,
 }
 
-pub(crate) fn detect_with(own: &GpuDevice, detector: &mut GpuDetector, input: &GpuSpheres<'_>) -> Found {
-    let output = submit(own, |encoder| detector.encode(encoder, input)).expect("recorded");
-    let outcome = download::<Outcome>(own, &output.outcome, 1)[0];
+pub(crate) fn detect_with(gpu: &GpuDevice, detector: &mut GpuDetector, input: &GpuSpheres<'_>) -> Found {
+    let output = submit(gpu, |encoder| detector.encode(encoder, input)).expect("recorded");
+    let outcome = download::<Outcome>(gpu, &output.outcome, 1)[0];
     let written = outcome.found().min(output.capacity.into()) as usize;
-    let mut pairs: Vec<Pair> = download(own, &output.pairs, written);
+    let mut pairs: Vec<Pair> = download(gpu, &output.pairs, written);
     pairs.sort_unstable();
     Found { outcome, pairs }
 }
 
-pub(crate) fn detect(own: &GpuDevice, detector: &mut GpuDetector, spheres: &[Sphere]) -> Found {
-    detect_with(own, detector, &GpuSpheres::new(&upload(own, spheres), spheres.len() as u32))
+pub(crate) fn detect(gpu: &GpuDevice, detector: &mut GpuDetector, spheres: &[Sphere]) -> Found {
+    detect_with(gpu, detector, &GpuSpheres::new(&upload(gpu, spheres), spheres.len() as u32))
 }
 
 #[track_caller]

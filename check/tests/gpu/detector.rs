@@ -9,17 +9,17 @@ const ALGORITHMS: &[Algorithm] = Algorithm::GPU;
 
 #[test]
 fn every_scene_agrees_with_all_pairs() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for &algorithm in ALGORITHMS {
         for subgroups in [false, true] {
-            let mut detector = GpuDetector::new(&own.device, settings(algorithm, subgroups)).expect("made");
+            let mut detector = GpuDetector::new(&gpu.device, settings(algorithm, subgroups)).expect("made");
             for (name, spheres) in scenes() {
                 let scene = format!("{name}, {algorithm}, subgroups {subgroups}");
-                let mut found = detect(&own, &mut detector, &spheres);
+                let mut found = detect(&gpu, &mut detector, &spheres);
                 if found.outcome.overflow & Outcome::OVERFLOW_ENTRIES != 0 {
                     // Many refined levels exceed the initial capacity.
                     assert!(detector.set_entry_capacity(found.outcome.entries_needed()), "{scene}");
-                    found = detect(&own, &mut detector, &spheres);
+                    found = detect(&gpu, &mut detector, &spheres);
                 }
                 assert_eq!(found.outcome.overflow & !Outcome::OVERFLOW_PAIRS, 0, "{scene}");
                 assert_eq!(found.outcome.quarantined, 0, "{scene}");
@@ -37,14 +37,14 @@ fn every_scene_agrees_with_all_pairs() {
 /// A periodic grid of two cells on an axis would make them neighbors on both sides.
 #[test]
 fn grid_of_few_cells_finds_each_pair_once() {
-    let Some(own) = device() else { return };
-    let mut detector = GpuDetector::new(&own.device, settings(Algorithm::CellList, true)).expect("made");
+    let Some(gpu) = device() else { return };
+    let mut detector = GpuDetector::new(&gpu.device, settings(Algorithm::CellList, true)).expect("made");
     for widths in [[0.5, 0.5, 0.5], [1.1, 0.5, 2.6], [0.2, 1.2, 0.0], [3.1, 0.6, 1.3]] {
         let mut random = Random(5);
         let mut place = |width: f32| (random.unit() - 0.5) * width;
         let sphere = |radius| Sphere::new(widths.map(&mut place), radius);
         let spheres: Vec<Sphere> = (0..300).map(|k| [0.5, 0.3][k % 2]).map(sphere).collect();
-        let found = detect(&own, &mut detector, &spheres);
+        let found = detect(&gpu, &mut detector, &spheres);
         verify(&format!("{widths:?}"), &touching(&spheres), &found.pairs);
     }
 }
@@ -52,9 +52,9 @@ fn grid_of_few_cells_finds_each_pair_once() {
 /// The crowd makes all small spheres leave the cells of the large ones.
 #[test]
 fn small_spheres_below_the_lowest_center_are_found() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let settings = settings(Algorithm::CellList, true).tau(8);
-    let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+    let mut detector = GpuDetector::new(&gpu.device, settings).expect("made");
     for (seed, spacing) in [(1, 2.3_f32), (2, 1.9), (3, 3.1)] {
         let mut random = Random(seed);
         let mut spheres = Vec::new();
@@ -67,20 +67,20 @@ fn small_spheres_below_the_lowest_center_are_found() {
             }));
         }
         spheres.extend((0..600).map(|_| Sphere::new([(); 3].map(|()| 5.0 + 0.4 * random.unit()), 0.02)));
-        let found = detect(&own, &mut detector, &spheres);
+        let found = detect(&gpu, &mut detector, &spheres);
         verify(&format!("{spacing} apart"), &touching(&spheres), &found.pairs);
     }
 }
 
 #[test]
 fn overflow_stops_writing_but_not_counting() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let spheres = vec![Sphere::new([1.0, 2.0, 3.0], 0.5); 3000];
     for &algorithm in ALGORITHMS {
         for subgroups in [false, true] {
             let settings = settings(algorithm, subgroups).pair_capacity(1000);
-            let mut detector = GpuDetector::new(&own.device, settings).expect("made");
-            let found = detect(&own, &mut detector, &spheres);
+            let mut detector = GpuDetector::new(&gpu.device, settings).expect("made");
+            let found = detect(&gpu, &mut detector, &spheres);
             assert_eq!(found.outcome.found(), 4_498_500, "{algorithm}, subgroups {subgroups}");
             assert_eq!(found.outcome.overflow, Outcome::OVERFLOW_PAIRS);
             assert_eq!(found.pairs.len(), 1000);
@@ -94,7 +94,7 @@ fn overflow_stops_writing_but_not_counting() {
 
 #[test]
 fn bad_spheres_are_quarantined_and_counted() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut spheres = cloud(20, 2000, 10.0, |_| 0.4);
     let good = spheres.clone();
     let bad = [
@@ -109,27 +109,27 @@ fn bad_spheres_are_quarantined_and_counted() {
     let first_good = bad.len() as u32;
     spheres.splice(0..0, bad.map(Sphere::from));
     for &algorithm in ALGORITHMS {
-        let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
-        let found = detect(&own, &mut detector, &spheres);
+        let mut detector = GpuDetector::new(&gpu.device, settings(algorithm, true)).expect("made");
+        let found = detect(&gpu, &mut detector, &spheres);
         assert_eq!(found.outcome.quarantined, first_good, "{algorithm}");
         let shifted = found.pairs.iter().map(|p| Pair { i: p.i - first_good, j: p.j - first_good });
         verify("quarantine", &touching(&good), &shifted.collect::<Vec<_>>());
-        let all_bad = detect(&own, &mut detector, &bad.map(Sphere::from));
+        let all_bad = detect(&gpu, &mut detector, &bad.map(Sphere::from));
         assert_eq!((all_bad.outcome.found(), all_bad.outcome.quarantined), (0, first_good));
     }
 }
 
 #[test]
 fn sphere_count_is_read_from_a_buffer() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let spheres = cloud(21, 3000, 12.0, |_| 0.4);
-    let buffer = upload(&own, &spheres);
+    let buffer = upload(&gpu, &spheres);
     for &algorithm in ALGORITHMS {
-        let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
+        let mut detector = GpuDetector::new(&gpu.device, settings(algorithm, true)).expect("made");
         let mut detect_first = |n: u32| {
-            let count = upload(&own, &[n]);
+            let count = upload(&gpu, &[n]);
             let count = SphereCount::Buffer { buffer: &count, at_most: 3000 };
-            detect_with(&own, &mut detector, &GpuSpheres::new(&buffer, count))
+            detect_with(&gpu, &mut detector, &GpuSpheres::new(&buffer, count))
         };
         for n in [0, 1, 257, 3000] {
             let found = detect_first(n);
@@ -143,19 +143,19 @@ fn sphere_count_is_read_from_a_buffer() {
 
 #[test]
 fn interactions_determine_pairs() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let spheres = cloud(22, 2500, 10.0, |random| 0.05 + 0.2 * random.unit());
     let mut random = Random(23);
     let species: Vec<u32> = (0..spheres.len()).map(|_| random.word() % 4).collect();
-    let buffers = (upload(&own, &spheres), upload(&own, &species));
+    let buffers = (upload(&gpu, &spheres), upload(&gpu, &species));
     let input_of_species = TestInput { mixture: Some(four_species(species)), ..spheres.into() };
     let input = GpuSpheres::new(&buffers.0, 2500).with_species(&buffers.1);
     for &algorithm in ALGORITHMS {
         for subgroups in [false, true] {
             let table = input_of_species.interactions().expect("small");
             let settings = settings(algorithm, subgroups).interactions(table);
-            let mut detector = GpuDetector::new(&own.device, settings).expect("made");
-            let found = detect_with(&own, &mut detector, &input);
+            let mut detector = GpuDetector::new(&gpu.device, settings).expect("made");
+            let found = detect_with(&gpu, &mut detector, &input);
             assert!(found.pairs.len() > 100, "{}", found.pairs.len());
             verify("interactions", &input_of_species, &found.pairs);
         }
@@ -165,7 +165,7 @@ fn interactions_determine_pairs() {
 /// The bits of -0.0 are a large integer.
 #[test]
 fn sign_of_zero_is_ignored() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut spheres = cloud(25, 1500, 4.0, |_| 0.5);
     for (k, sphere) in spheres.iter_mut().enumerate() {
         sphere.center.x = if k % 256 < 128 { 0.0 } else { -0.0 };
@@ -173,22 +173,22 @@ fn sign_of_zero_is_ignored() {
     spheres.push(Sphere::new([0.0, 2.0, 2.0], -0.0));
     let touch = vec![vec![Interaction::Touch]];
     let within = vec![vec![Interaction::Touch], vec![Interaction::Within(-0.0); 2]];
-    let buffer = upload(&own, &spheres);
+    let buffer = upload(&gpu, &spheres);
     for &algorithm in ALGORITHMS {
-        let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
-        let found = detect(&own, &mut detector, &spheres);
+        let mut detector = GpuDetector::new(&gpu.device, settings(algorithm, true)).expect("made");
+        let found = detect(&gpu, &mut detector, &spheres);
         verify(&format!("zeroes, {algorithm}"), &touching(&spheres), &found.pairs);
         for (rows, last) in [(&touch, 0), (&within, 1)] {
             let mut alike = vec![0; spheres.len()];
             alike[1500] = last;
-            let species = upload(&own, &alike);
+            let species = upload(&gpu, &alike);
             let mixture = Some(SpeciesSetup { species: alike, rows: rows.clone() });
             let input_of_species = TestInput { mixture, ..touching(&spheres) };
             let table = input_of_species.interactions().expect("small");
             let settings = settings(algorithm, true).interactions(table);
-            let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+            let mut detector = GpuDetector::new(&gpu.device, settings).expect("made");
             let input = GpuSpheres::new(&buffer, 1501).with_species(&species);
-            let found = detect_with(&own, &mut detector, &input);
+            let found = detect_with(&gpu, &mut detector, &input);
             let scene = format!("zeroes, {algorithm}, the last of species {last}");
             verify(&scene, &input_of_species, &found.pairs);
         }
@@ -197,8 +197,8 @@ fn sign_of_zero_is_ignored() {
 
 #[test]
 fn choice_reports_algorithm_and_reason() {
-    let Some(own) = device() else { return };
-    let detector = GpuDetector::new(&own.device, settings(Algorithm::Auto, true)).expect("made");
+    let Some(gpu) = device() else { return };
+    let detector = GpuDetector::new(&gpu.device, settings(Algorithm::Auto, true)).expect("made");
     for (spheres, expected) in [(10, Algorithm::Naive), (1_000_000, Algorithm::CellList)] {
         let (chosen, reason) = detector.choice(spheres);
         assert_eq!(chosen, expected);
@@ -210,12 +210,12 @@ fn choice_reports_algorithm_and_reason() {
 
 #[test]
 fn calls_of_changing_size_reuse_buffers() {
-    let Some(own) = device() else { return };
-    let mut detector = GpuDetector::new(&own.device, settings(Algorithm::CellList, true)).expect("made");
+    let Some(gpu) = device() else { return };
+    let mut detector = GpuDetector::new(&gpu.device, settings(Algorithm::CellList, true)).expect("made");
     let reserved = detector.reserve(6000).expect("fits");
     for n in [10, 6000, 300, 5999, 1] {
         let spheres = cloud(n as u64, n, 15.0, |_| 0.4);
-        let found = detect(&own, &mut detector, &spheres);
+        let found = detect(&gpu, &mut detector, &spheres);
         verify("changing size", &touching(&spheres), &found.pairs);
         assert_eq!(detector.reserve(n as u32).as_ref(), Ok(&reserved), "nothing is allocated again");
     }
@@ -223,38 +223,38 @@ fn calls_of_changing_size_reuse_buffers() {
 
 #[test]
 fn oversized_input_is_refused_with_the_remedy() {
-    let Some(own) = device() else { return };
-    let mut detector = GpuDetector::new(&own.device, settings(Algorithm::ArrayGrid, true)).expect("made");
-    let buffer = upload(&own, &[Sphere::zeroed(); 10]);
-    let mut encoder = own.device.create_command_encoder(&Default::default());
+    let Some(gpu) = device() else { return };
+    let mut detector = GpuDetector::new(&gpu.device, settings(Algorithm::ArrayGrid, true)).expect("made");
+    let buffer = upload(&gpu, &[Sphere::zeroed(); 10]);
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
     let too_short = GpuSpheres::new(&buffer, 11);
     let error = detector.encode(&mut encoder, &too_short).expect_err("11 do not fit into 10");
     assert_eq!(error, Error::BufferSize { what: "spheres", size: 160, needed: 176 });
     let with_species = GpuSpheres::new(&buffer, 2).with_species(&buffer);
     assert_eq!(detector.encode(&mut encoder, &with_species), Err(Error::SpeciesBuffer));
-    let limit = own.device.limits().max_storage_buffer_binding_size;
+    let limit = gpu.device.limits().max_storage_buffer_binding_size;
     let beyond = u32::try_from(limit / 16 + 1).unwrap_or(u32::MAX);
     assert!(matches!(detector.reserve(beyond), Err(Error::LimitExceeded { .. })));
     for ratio in [0.5, 17.0, f32::NAN] {
         assert!(matches!(detector.set_cell_ratio(ratio), Err(Error::InvalidSetting { .. })));
     }
-    let error = GpuDetector::new(&own.device, settings(Algorithm::HashGrid, true)).expect_err("CPU only");
+    let error = GpuDetector::new(&gpu.device, settings(Algorithm::HashGrid, true)).expect_err("CPU only");
     assert_eq!(error, Error::NotOnBackend { algorithm: Algorithm::HashGrid, backend: Backend::Gpu });
 }
 
 #[test]
 fn windows_partition_the_result() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut spheres = cloud(24, 2000, 12.0, |_| 0.4);
     spheres.extend(vec![Sphere::new([1.0; 3], 0.3); 700]);
     let n = spheres.len() as u32;
-    let buffer = upload(&own, &spheres);
+    let buffer = upload(&gpu, &spheres);
     for &algorithm in ALGORITHMS {
-        let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
+        let mut detector = GpuDetector::new(&gpu.device, settings(algorithm, true)).expect("made");
         let mut all = Vec::new();
         for window in [0..1, 1..900, 900..2500, 2500..n] {
             let input = GpuSpheres::new(&buffer, n).in_window(window.clone());
-            let found = detect_with(&own, &mut detector, &input);
+            let found = detect_with(&gpu, &mut detector, &input);
             assert!(found.pairs.iter().all(|pair| window.contains(&pair.i)));
             all.extend(found.pairs);
         }
@@ -264,18 +264,18 @@ fn windows_partition_the_result() {
 
 #[test]
 fn first_set_and_window_may_be_given_in_either_order() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let spheres = cloud(25, 300, 4.0, |_| 0.4);
-    let buffer = upload(&own, &spheres);
+    let buffer = upload(&gpu, &spheres);
     for &algorithm in ALGORITHMS {
-        let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
+        let mut detector = GpuDetector::new(&gpu.device, settings(algorithm, true)).expect("made");
         for (first, window) in [(0, 0..300), (120, 0..300), (120, 50..90)] {
             let input = GpuSpheres::new(&buffer, 300);
             let orders = [
                 input.clone().across(first).in_window(window.clone()),
                 input.in_window(window).across(first),
             ];
-            let [a, b] = orders.map(|input| detect_with(&own, &mut detector, &input).outcome.found());
+            let [a, b] = orders.map(|input| detect_with(&gpu, &mut detector, &input).outcome.found());
             assert_eq!((a, a > 0), (b, first > 0), "{algorithm}, {first}");
         }
     }
@@ -283,16 +283,16 @@ fn first_set_and_window_may_be_given_in_either_order() {
 
 #[test]
 fn species_outside_the_table_are_quarantined() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let spheres = vec![Sphere::new([1.0; 3], 0.5); 400];
     let species: Vec<u32> = (0..400).map(|k| k % 4).collect();
     let table = Interactions::new(2, Interaction::Touch).expect("small");
-    let buffers = (upload(&own, &spheres), upload(&own, &species));
+    let buffers = (upload(&gpu, &spheres), upload(&gpu, &species));
     for &algorithm in ALGORITHMS {
         let settings = settings(algorithm, true).interactions(Some(table.clone()));
-        let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+        let mut detector = GpuDetector::new(&gpu.device, settings).expect("made");
         let input = GpuSpheres::new(&buffers.0, 400).with_species(&buffers.1);
-        let found = detect_with(&own, &mut detector, &input);
+        let found = detect_with(&gpu, &mut detector, &input);
         assert_eq!((found.outcome.quarantined, found.outcome.found()), (200, 200 * 199 / 2), "{algorithm}");
     }
 }
@@ -307,13 +307,13 @@ fn default_limits_without_features_are_sufficient() {
     let (device, queue) =
         pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor::default())).expect("defaults");
     device.on_uncaptured_error(std::sync::Arc::new(|error: wgpu::Error| panic!("leaked: {error}")));
-    let lent = GpuDevice::from_wgpu(&device, &queue);
+    let wrapped = GpuDevice::from_wgpu(&device, &queue);
     let spheres = cloud(30, 2500, 12.0, |_| 0.4);
     for &algorithm in ALGORITHMS {
         let settings = settings(algorithm, true).timestamps(true);
         let mut detector = GpuDetector::new(&device, settings).expect("made");
         assert!(detector.ticks().is_none(), "timestamps were not requested");
-        let found = detect(&lent, &mut detector, &spheres);
+        let found = detect(&wrapped, &mut detector, &spheres);
         verify("default limits", &touching(&spheres), &found.pairs);
     }
     let table = Interactions::new(2, Interaction::Touch).expect("small");
@@ -325,7 +325,7 @@ fn default_limits_without_features_are_sufficient() {
 
 #[test]
 fn caller_can_reuse_the_cell_order() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let boxed = Space::periodic([Some(9.0), None, Some(8.5)]).expect("a box");
     let mut table = Interactions::new(2, Interaction::Touch).expect("two species");
     table.set(0, 0, Interaction::Never).expect("a species");
@@ -337,19 +337,19 @@ fn caller_can_reuse_the_cell_order() {
             .space(space)
             .radix_sort_from(radix_sort_from)
             .interactions(species.then(|| table.clone()));
-        let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+        let mut detector = GpuDetector::new(&gpu.device, settings).expect("made");
         let mut spheres = cloud(33, 4000, 10.0, |random| [0.3, 0.05][random.below(2) as usize]);
         spheres[7].radius = f32::NAN;
         let mut ids: Vec<u32> = (0..4000).map(|k| k % 2).collect();
         for step in 0..3 {
-            let (given, of_species) = (upload(&own, &spheres), upload(&own, &ids));
+            let (given, of_species) = (upload(&gpu, &spheres), upload(&gpu, &ids));
             let input = GpuSpheres::new(&given, 4000);
             let input = if species { input.with_species(&of_species) } else { input };
-            let found = detect_with(&own, &mut detector, &input);
+            let found = detect_with(&gpu, &mut detector, &input);
             assert_eq!(found.outcome.pairs_in_cell_order, 1);
             let sorted = detector.reserve(4000).expect("reserved").sorted.expect("a cell list");
-            let order = download::<u32>(&own, &sorted.order, 4000);
-            let images: Vec<Sphere> = download(&own, &sorted.spheres, 4000);
+            let order = download::<u32>(&gpu, &sorted.order, 4000);
+            let images: Vec<Sphere> = download(&gpu, &sorted.spheres, 4000);
             let mut places = order.clone();
             places.sort_unstable();
             assert!(places.into_iter().eq(0..4000), "step {step}: each once");
@@ -372,7 +372,7 @@ fn caller_can_reuse_the_cell_order() {
             verify(&format!("step {step}"), &scenario, &found.pairs);
             ids = order.iter().map(|&at| ids[at as usize]).collect();
             if let Some(sorted) = &sorted.species {
-                assert_eq!(download::<u32>(&own, sorted, 4000), ids);
+                assert_eq!(download::<u32>(&gpu, sorted, 4000), ids);
             }
             spheres = images;
         }
@@ -381,17 +381,17 @@ fn caller_can_reuse_the_cell_order() {
 
 #[test]
 fn only_the_cell_list_has_a_cell_order() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for &algorithm in ALGORITHMS {
         let settings = settings(algorithm, true).pairs_in_cell_order(true);
-        let mut detector = GpuDetector::new(&own.device, settings).expect("made");
+        let mut detector = GpuDetector::new(&gpu.device, settings).expect("made");
         let spheres = cloud(34, 300, 3.0, |_| 0.3);
-        let found = detect(&own, &mut detector, &spheres);
+        let found = detect(&gpu, &mut detector, &spheres);
         let is_list = algorithm == Algorithm::CellList;
         assert_eq!(found.outcome.pairs_in_cell_order, u32::from(is_list), "{algorithm}");
         assert_eq!(detector.reserve(300).expect("reserved").sorted.is_some(), is_list, "{algorithm}");
-        let given = upload(&own, &spheres);
-        let found = detect_with(&own, &mut detector, &GpuSpheres::new(&given, 300).in_window(0..150));
+        let given = upload(&gpu, &spheres);
+        let found = detect_with(&gpu, &mut detector, &GpuSpheres::new(&given, 300).in_window(0..150));
         assert!(found.outcome.pairs_in_cell_order == 0 && found.pairs.iter().all(|pair| pair.i < 150));
     }
 }

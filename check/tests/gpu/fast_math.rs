@@ -60,12 +60,12 @@ fn more_scenes() -> Vec<Scene> {
     ]
 }
 
-fn failures(own: &GpuDevice, scenes: &[Scene]) -> Vec<String> {
+fn failures(gpu: &GpuDevice, scenes: &[Scene]) -> Vec<String> {
     let mut failures = Vec::new();
     for scene in scenes {
         for (algorithm, tau, settings) in subjects() {
             let settings = settings.subgroups(false);
-            let (_, pairs) = detect(own, scene, settings);
+            let (_, pairs) = detect(gpu, scene, settings);
             failures.extend(scene.verify(&format!("{algorithm} τ {tau}"), &pairs).err());
         }
     }
@@ -73,9 +73,9 @@ fn failures(own: &GpuDevice, scenes: &[Scene]) -> Vec<String> {
 }
 
 fn assert_within_contract(rewrite: fn(&str) -> String) {
-    let Some(own) = device() else { return };
-    let own = own.with_rewritten_kernels(rewrite);
-    let failures = failures(&own, &[scenes(), more_scenes()].concat());
+    let Some(gpu) = device() else { return };
+    let gpu = gpu.with_rewritten_kernels(rewrite);
+    let failures = failures(&gpu, &[scenes(), more_scenes()].concat());
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
 
@@ -106,8 +106,8 @@ fn reassociated_contracted_and_flushed_kernels_stay_within_the_contract() {
 
 #[test]
 fn kernels_without_a_guard_leave_the_contract() {
-    let Some(own) = device() else { return };
-    if own.adapter.is_hardware {
+    let Some(gpu) = device() else { return };
+    if gpu.adapter.is_hardware {
         // NVIDIA's compiler factors the distributed product again. Others were not tried.
         return;
     }
@@ -117,17 +117,17 @@ fn kernels_without_a_guard_leave_the_contract() {
         ("tiny differences", |text| transformed(&unguarded(text, "magnified"), &[Distribute])),
     ];
     for (name, rewrite) in cases {
-        let own = own.clone().with_rewritten_kernels(rewrite);
+        let gpu = gpu.clone().with_rewritten_kernels(rewrite);
         let scene: Vec<_> = scenes().into_iter().filter(|scene| scene.name == name).collect();
         assert_eq!(scene.len(), 1);
-        assert!(!failures(&own, &scene).is_empty(), "{name}: the guard is not needed");
+        assert!(!failures(&gpu, &scene).is_empty(), "{name}: the guard is not needed");
     }
 }
 
-fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
-    let own = own.clone().with_rewritten_kernels(rewrite);
+fn rebuilds(gpu: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
+    let gpu = gpu.clone().with_rewritten_kernels(rewrite);
     let settings = GpuConfig::default().algorithm(Algorithm::CellList).subgroups(false);
-    let mut session = GpuSession::new(own, settings).expect("made");
+    let mut session = GpuSession::new(gpu, settings).expect("made");
     session.set_skin(Some(0.37)).expect("a skin");
     let spheres = cloud(20, 300, 6.0, |random| 0.1 + 0.2 * random.unit());
     let mut call = || {
@@ -143,12 +143,12 @@ fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
 /// the guard.
 #[test]
 fn inflated_radii_agree_between_kernels() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let guarded = |text: &str| match text.contains("fn skin_displacement(") {
         true => transformed(text, &[Distribute, Contract]),
         false => text.to_owned(),
     };
-    assert_eq!(rebuilds(&own, guarded), 0);
+    assert_eq!(rebuilds(&gpu, guarded), 0);
 }
 
 #[test]

@@ -7,10 +7,10 @@ use lazygrid_check::kernels::CHECKS;
 
 /// Called by several threads, as the driver compiles a kernel on one core.
 fn faults(next: &AtomicUsize) -> Vec<String> {
-    let Some(own) = device() else { return Vec::new() };
+    let Some(gpu) = device() else { return Vec::new() };
     std::iter::from_fn(|| CHECKS.get(next.fetch_add(1, Relaxed)))
         .filter_map(|check| {
-            (check.run)(&own, Effort::Default).err().map(|fault| format!("{}: {fault}", check.name))
+            (check.run)(&gpu, Effort::Default).err().map(|fault| format!("{}: {fault}", check.name))
         })
         .collect()
 }

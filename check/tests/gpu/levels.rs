@@ -4,19 +4,19 @@ use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSession, Outcome};
 use lazygrid::{Algorithm, Sphere};
 
 /// Sessions share compiled kernels.
-fn detect_in_session(own: &GpuDevice, settings: GpuConfig, spheres: &[Sphere]) -> Found {
-    let mut session = GpuSession::new(own.clone(), settings).expect("made");
+fn detect_in_session(gpu: &GpuDevice, settings: GpuConfig, spheres: &[Sphere]) -> Found {
+    let mut session = GpuSession::new(gpu.clone(), settings).expect("made");
     let pairs = session_pairs(&mut session, spheres);
     Found { outcome: *session.outcome(), pairs }
 }
 
 #[test]
 fn every_scene_agrees_for_any_tau() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for (tau, cell_ratio) in [(0, 2.0), (1, 1.5), (8, 16.0), (512, 2.0), (u32::MAX, 2.0)] {
         let settings = settings(Algorithm::LazyGrid, true).tau(tau).cell_ratio(cell_ratio);
         for (name, spheres) in scenes() {
-            let found = detect_in_session(&own, settings.clone(), &spheres);
+            let found = detect_in_session(&gpu, settings.clone(), &spheres);
             let scene = format!("{name}, tau {tau}, ratio {cell_ratio}");
             verify(&scene, &touching(&spheres), &found.pairs);
         }
@@ -25,7 +25,7 @@ fn every_scene_agrees_for_any_tau() {
 
 #[test]
 fn mixed_refinement_loses_no_pair() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
     let mut random = Random(40);
     for k in 0..300 {
@@ -34,33 +34,33 @@ fn mixed_refinement_loses_no_pair() {
     }
     spheres.extend((0..40).map(|k| Sphere::new([0.0, k as f32 * 0.02, 0.4], 0.15)));
     for tau in (0..=350).step_by(10) {
-        let found = detect_in_session(&own, settings(Algorithm::LazyGrid, true).tau(tau), &spheres);
+        let found = detect_in_session(&gpu, settings(Algorithm::LazyGrid, true).tau(tau), &spheres);
         verify(&format!("tau {tau}"), &touching(&spheres), &found.pairs);
     }
 }
 
 #[test]
 fn entry_overflow_is_reported_and_retried_by_a_session() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let spheres: Vec<_> = (0..3000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 15))).collect();
     let pairs = 3000 * 2999 / 2;
     for algorithm in [Algorithm::EagerGrid, Algorithm::LazyGrid] {
         let config = settings(algorithm, true).max_tests_per_dispatch(u64::MAX);
-        let mut detector = GpuDetector::new(&own.device, config).expect("made");
-        let found = detect(&own, &mut detector, &spheres);
+        let mut detector = GpuDetector::new(&gpu.device, config).expect("made");
+        let found = detect(&gpu, &mut detector, &spheres);
         let needed = found.outcome.entries_needed();
         assert!(
             needed > 8 * 3000 && found.outcome.overflow & Outcome::OVERFLOW_ENTRIES != 0,
             "{algorithm}: {needed}"
         );
         assert!(detector.set_entry_capacity(needed) && !detector.set_entry_capacity(1 << 40));
-        let found = detect(&own, &mut detector, &spheres);
+        let found = detect(&gpu, &mut detector, &spheres);
         assert_eq!(
             (found.outcome.found(), found.outcome.overflow),
             (pairs, Outcome::OVERFLOW_PAIRS),
             "{algorithm}"
         );
-        let found = detect_in_session(&own, settings(algorithm, true), &spheres);
+        let found = detect_in_session(&gpu, settings(algorithm, true), &spheres);
         assert_eq!(found.pairs.len() as u64, pairs);
     }
 }
@@ -68,7 +68,7 @@ fn entry_overflow_is_reported_and_retried_by_a_session() {
 /// At the largest coordinates, neighboring floats are a radius apart, and each has its own cell.
 #[test]
 fn levels_meet_at_the_largest_coordinates() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let unit = f32::MAX - f32::MAX.next_down();
     let mut spheres: Vec<_> = (0..10).map(|k| Sphere::new([k as f32 * 8.0 * unit; 3], unit)).collect();
     // Small spheres leave the cells of large ones.
@@ -78,7 +78,7 @@ fn levels_meet_at_the_largest_coordinates() {
     }
     for radix_sort_from in [0, u32::MAX] {
         let config = settings(Algorithm::CellList, true).radix_sort_from(radix_sort_from);
-        let mut detector = GpuDetector::new(&own.device, config).expect("made");
-        verify("largest coordinates", &touching(&spheres), &detect(&own, &mut detector, &spheres).pairs);
+        let mut detector = GpuDetector::new(&gpu.device, config).expect("made");
+        verify("largest coordinates", &touching(&spheres), &detect(&gpu, &mut detector, &spheres).pairs);
     }
 }

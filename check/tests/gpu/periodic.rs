@@ -3,11 +3,11 @@ use crate::common::{Random, device, four_species};
 use lazygrid::Sphere;
 use lazygrid::gpu::GpuDevice;
 
-fn check(own: &GpuDevice, scene: &Scene) {
+fn check(gpu: &GpuDevice, scene: &Scene) {
     let mut failures = Vec::new();
     for (algorithm, tau, settings) in subjects() {
         let context = format!("{algorithm} τ {tau}");
-        let (outcome, pairs) = detect(own, scene, settings);
+        let (outcome, pairs) = detect(gpu, scene, settings);
         assert_eq!((outcome.overflow, outcome.quarantined), (0, 0), "{}, {context}", scene.name);
         failures.extend(scene.verify(&context, &pairs).err());
     }
@@ -31,13 +31,13 @@ fn at_seams(seed: u64, n: usize, side: f32, radius: impl Fn(&mut Random) -> f32)
 /// The coarsest cells are one unit wide, with the default cell ratio.
 #[test]
 fn boxes_of_few_cells() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let boxes =
         [0.3, 0.9, 1.0, 1.7, 2.0, 3.1, 4.0, 4.1, 5.5, 7.9, 8.0, 8.2, 9.5, 12.3, 20.9, 25.4, 26.7, 29.0];
     for (k, side) in boxes.into_iter().enumerate() {
         for axes in [1 + k % 7, 7] {
             let spheres = at_seams(k as u64, 300, side, |random| 0.25 * (0.6 + 0.4 * random.unit()));
-            check(&own, &Scene::new(format!("{side} cells on {axes}"), lengths(axes, [side; 3]), spheres));
+            check(&gpu, &Scene::new(format!("{side} cells on {axes}"), lengths(axes, [side; 3]), spheres));
         }
     }
 }
@@ -45,7 +45,7 @@ fn boxes_of_few_cells() {
 /// A ring with one or two cells more than a multiple of eight would share keys at its ends.
 #[test]
 fn keys_shared_by_cells_of_a_ring_lose_no_pair() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for (k, of) in [[65.5, 66.2, 129.3], [33.1, 257.8, 130.9], [513.4, 90.3, 70.7]].into_iter().enumerate() {
         for axes in [3, 7] {
             let mut spheres = at_seams(k as u64, 400, 4.0, |_| 0.25);
@@ -54,14 +54,14 @@ fn keys_shared_by_cells_of_a_ring_lose_no_pair() {
                 let [a, b, c] = of.map(|length| 0.5 * length - 2.0);
                 sphere.center = [x + a, y + b, z + c].into();
             }
-            check(&own, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
+            check(&gpu, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
         }
     }
 }
 
 #[test]
 fn nested_grids_are_periodic_at_all_depths() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let boxes = [[8.0, 8.0, 8.0], [1.0, 3.0, 9.0], [0.1, 20.0, 2.5], [0.02, 0.02, 30.0], [4.7, 5.9, 8.3]];
     for (k, of) in boxes.into_iter().enumerate() {
         for axes in [2 + k, 7] {
@@ -71,14 +71,14 @@ fn nested_grids_are_periodic_at_all_depths() {
                 let center = [0, 1, 2].map(|axis| of[axis] * 0.5 + 0.05 * (random.unit() - 0.5));
                 Sphere::new(center, 0.01 * octaves(&mut random))
             }));
-            check(&own, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
+            check(&gpu, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
         }
     }
 }
 
 #[test]
 fn spheres_on_the_periodic_boundary() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for (seed, of) in [1.0_f32, 0.1, 10.0, 3.3].into_iter().enumerate() {
         let mut random = Random(seed as u64);
         let mut place = || {
@@ -89,13 +89,13 @@ fn spheres_on_the_periodic_boundary() {
         let spheres = (0..250)
             .map(|k| Sphere::new([place(), place(), place()], of * [0.0, 1e-7, 2e-7, 0.01, 0.2][k % 5]))
             .collect();
-        check(&own, &Scene::new(format!("corners of {of}"), lengths(7 - seed % 2, [of; 3]), spheres));
+        check(&gpu, &Scene::new(format!("corners of {of}"), lengths(7 - seed % 2, [of; 3]), spheres));
     }
 }
 
 #[test]
 fn coordinates_far_outside_the_box() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for (seed, away) in [3.0_f32, 1e6, 1e30].into_iter().enumerate() {
         let mut random = Random(seed as u64);
         let spheres = cloud(seed as u64, 300, 6.0, |random| 0.3 * random.unit()).into_iter();
@@ -106,64 +106,64 @@ fn coordinates_far_outside_the_box() {
                 _ => s,
             })
             .collect();
-        check(&own, &Scene::new(format!("{away} away"), lengths(7, [6.0, 3.0, 0.7]), spheres));
+        check(&gpu, &Scene::new(format!("{away} away"), lengths(7, [6.0, 3.0, 0.7]), spheres));
     }
 }
 
 #[test]
 fn giants_and_lattices() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut giants = cloud(30, 300, 10.0, |_| 0.05);
     giants.extend([4.0, 12.0].map(|radius| Sphere::new([9.5; 3], radius)));
-    check(&own, &Scene::new("giants", lengths(7, [10.0, 6.0, 2.0]), giants));
+    check(&gpu, &Scene::new("giants", lengths(7, [10.0, 6.0, 2.0]), giants));
     // A full periodic lattice in contact has three contacts per site.
     for (count, spacing) in [(3_usize, 0.5_f32), (4, 1.0), (7, 0.25)] {
         let site = |k: usize| [k % count, k / count % count, k / count / count].map(|c| c as f32 * spacing);
         let sites: Vec<_> = (0..count.pow(3)).map(|k| Sphere::new(site(k), 0.5 * spacing)).collect();
         let scene = Scene::new(format!("lattice of {count}"), lengths(7, [count as f32 * spacing; 3]), sites);
         for (_, _, settings) in subjects() {
-            let (_, pairs) = detect(&own, &scene, settings);
+            let (_, pairs) = detect(&gpu, &scene, settings);
             assert_eq!(pairs.len(), 3 * count.pow(3), "{}", scene.name);
         }
-        check(&own, &scene);
+        check(&gpu, &scene);
     }
 }
 
 #[test]
 fn lengths_of_every_magnitude() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for scale in [1e-44_f32, 1e-38, 1e-27, 1e-15, 1e15, 1e25, 3e37] {
         let spheres = cloud(40, 200, 1.0, |random| 0.1 * random.unit()).into_iter();
         let spheres =
             spheres.map(|s| Sphere::new(s.center * 10.0 * scale, s.radius * 10.0 * scale)).collect();
         let of = [10.0 * scale, 9.0 * scale, 1.0 * scale];
-        check(&own, &Scene::new(format!("lengths of {scale:e}"), lengths(7, of), spheres));
+        check(&gpu, &Scene::new(format!("lengths of {scale:e}"), lengths(7, of), spheres));
     }
     let apart = cloud(41, 200, 1.0, |random| 0.2 * random.unit());
-    check(&own, &Scene::new("a tiny box", lengths(1, [1e-40; 3]), apart.clone()));
-    check(&own, &Scene::new("a vast box", lengths(5, [f32::MAX, 1.0, 1e9]), apart));
+    check(&gpu, &Scene::new("a tiny box", lengths(1, [1e-40; 3]), apart.clone()));
+    check(&gpu, &Scene::new("a vast box", lengths(5, [f32::MAX, 1.0, 1e9]), apart));
 }
 
 #[test]
 fn species_in_a_periodic_box() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let spheres = cloud(50, 500, 8.0, octaves);
     let mut random = Random(51);
     let species: Vec<u32> = (0..spheres.len()).map(|_| random.word() % 4).collect();
     let mut scene = Scene::new("species", lengths(5, [4.0; 3]), spheres);
     scene.input.mixture = Some(four_species(species));
-    check(&own, &scene);
+    check(&gpu, &scene);
 }
 
 #[test]
 fn crowds_on_the_periodic_boundary_of_a_large_box() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut spheres = cloud(60, 4000, 1.0, |random| 0.004 * (0.1 + random.unit()));
     spheres.iter_mut().for_each(|s| s.center *= 30.0);
     spheres.extend(cloud(61, 1500, 0.06, |_| 0.004));
     spheres.iter_mut().skip(4000).for_each(|s| s.center += 14.97);
     let scene = Scene::new("crowds", lengths(7, [30.0, 10.0, 29.96]), spheres);
-    let mut lists = subjects().map(|(algorithm, _, settings)| (algorithm, detect(&own, &scene, settings).1));
+    let mut lists = subjects().map(|(algorithm, _, settings)| (algorithm, detect(&gpu, &scene, settings).1));
     let (_, naive) = lists.next().expect("naive comes first");
     assert!(naive.len() > 1000, "{}", naive.len());
     for (algorithm, list) in lists {
@@ -173,12 +173,12 @@ fn crowds_on_the_periodic_boundary_of_a_large_box() {
 
 #[test]
 fn bad_spheres_are_quarantined() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut spheres = cloud(70, 100, 3.0, |_| 0.2);
     spheres.extend([f32::NAN, f32::INFINITY, f32::NEG_INFINITY].map(|x| Sphere::new([1.0, x, 1.0], 1.0)));
     let scene = Scene::new("bad", lengths(7, [2.0; 3]), spheres);
     for (_, _, settings) in subjects() {
-        let (outcome, pairs) = detect(&own, &scene, settings);
+        let (outcome, pairs) = detect(&gpu, &scene, settings);
         assert_eq!(outcome.quarantined, 3);
         assert!(pairs.iter().all(|pair| pair.j < 100) && !pairs.is_empty());
     }

@@ -24,7 +24,7 @@ fn expected(spheres: &[Sphere]) -> Vec<Pair> {
     detector.pairs(spheres).expect("valid").to_vec()
 }
 
-fn gpu(config: Config) -> Detector {
+fn gpu_detector(config: Config) -> Detector {
     Detector::new(config.backend(Backend::Gpu)).expect("an adapter")
 }
 
@@ -43,7 +43,7 @@ fn streamed(detector: &mut Detector, spheres: &[Sphere]) -> Vec<Pair> {
 fn lists_counts_neighbors_and_streams_agree_with_the_cpu() {
     let Some(_) = device() else { return };
     for algorithm in [Algorithm::Auto, Algorithm::Naive, Algorithm::ArrayGrid] {
-        let mut detector = gpu(Config::default().algorithm(algorithm));
+        let mut detector = gpu_detector(Config::default().algorithm(algorithm));
         for (n, extent) in [(0, 1), (1, 1), (2, 1), (3000, 10), (300, 2), (12_000, 25), (5000, 4)] {
             let spheres = cloud(n as u64, n, extent);
             let wanted = expected(&spheres);
@@ -70,7 +70,7 @@ fn columns_are_accepted() {
     };
     let [x, y, z, r] = [0, 1, 2, 3].map(column);
     let columns = Spheres::columns(&x, &y, &z, &r).expect("one length");
-    assert_eq!(gpu(Config::default()).pairs(columns).expect("found"), expected(&spheres));
+    assert_eq!(gpu_detector(Config::default()).pairs(columns).expect("found"), expected(&spheres));
 }
 
 #[test]
@@ -78,7 +78,7 @@ fn too_many_pairs_are_refused_with_their_count() {
     let Some(_) = device() else { return };
     let spheres = vec![Sphere::new([0.5; 3], 1.0); 3000];
     let all = 3000 * 2999 / 2;
-    let mut detector = gpu(Config::default().max_pairs(all - 1));
+    let mut detector = gpu_detector(Config::default().max_pairs(all - 1));
     let error = detector.pairs(&spheres).expect_err("one too many");
     assert!(matches!(error, Error::TooManyPairs { found, .. } if found == all));
     assert_eq!(detector.count(&spheres).expect("counted"), all);
@@ -86,13 +86,13 @@ fn too_many_pairs_are_refused_with_their_count() {
 
 #[test]
 fn large_result_is_delivered_in_windows() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut spheres = cloud(2, 3000, 10);
     spheres.extend(vec![Sphere::new([1.5; 3], 0.25); 500]);
     let wanted = expected(&spheres);
     let settings = GpuConfig::default().pair_capacity(5000);
     assert!(wanted.len() > 100_000);
-    let mut session = GpuSession::new(own, settings).expect("made");
+    let mut session = GpuSession::new(gpu, settings).expect("made");
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
     let mut parts = Vec::new();
     let mut all = Vec::new();
@@ -110,9 +110,9 @@ fn large_result_is_delivered_in_windows() {
 
 #[test]
 fn third_call_in_flight_is_refused() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let scenes: Vec<_> = (0..6).map(|k| cloud(k, 1000 + 700 * k as usize, 8)).collect();
-    let mut session = GpuSession::new(own, GpuConfig::default()).expect("made");
+    let mut session = GpuSession::new(gpu, GpuConfig::default()).expect("made");
     let mut before = session.begin(Spheres::from(&scenes[0])).expect("begun");
     for k in 1..scenes.len() {
         let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
@@ -128,10 +128,10 @@ fn third_call_in_flight_is_refused() {
 
 #[test]
 fn call_without_species_does_not_use_those_of_an_earlier_one() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut table = Interactions::new(2, Interaction::Never).expect("two species");
     table.set(0, 1, Interaction::Touch).expect("a pair");
-    let mut session = GpuSession::new(own, GpuConfig::default().interactions(table)).expect("made");
+    let mut session = GpuSession::new(gpu, GpuConfig::default().interactions(table)).expect("made");
     let (spheres, species) = (cloud(9, 500, 6), [0, 1].repeat(250));
     for _ in 0..2 {
         let given = Spheres::from(&spheres).with_species(&species).expect("as many");
@@ -144,7 +144,7 @@ fn call_without_species_does_not_use_those_of_an_earlier_one() {
 
 #[test]
 fn crowded_searches_continue_over_several_submissions() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let scenes: Vec<_> = (0..3)
         .map(|k| {
             let mut spheres = cloud(k, 2000, 20);
@@ -156,7 +156,7 @@ fn crowded_searches_continue_over_several_submissions() {
     for algorithm in [Algorithm::ArrayGrid, Algorithm::EagerGrid, Algorithm::LazyGrid] {
         let settings = GpuConfig::default().algorithm(algorithm).timestamps(true).pair_capacity(500_000);
         let settings = settings.max_tests_per_dispatch(1 << 17);
-        let mut session = GpuSession::new(own.clone(), settings).expect("made");
+        let mut session = GpuSession::new(gpu.clone(), settings).expect("made");
         let mut before = session.begin(Spheres::from(&scenes[0])).expect("begun");
         for k in [1, 2, 0] {
             let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
@@ -177,7 +177,7 @@ fn crowded_searches_continue_over_several_submissions() {
 /// The groups exceed the entry capacity of a first call, and the crowd takes several submissions.
 #[test]
 fn retried_call_keeps_its_algorithm_and_pairs() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let mut spheres = vec![Sphere::new([-9.0; 3], 0.5); 900];
     let mut random = Random(7);
     for group in 0..100 {
@@ -191,7 +191,7 @@ fn retried_call_keeps_its_algorithm_and_pairs() {
         [[Algorithm::LazyGrid, Algorithm::EagerGrid], [Algorithm::EagerGrid, Algorithm::LazyGrid]]
     {
         let settings = GpuConfig::default().algorithm(first).max_tests_per_dispatch(1 << 17);
-        let mut session = GpuSession::new(own.clone(), settings).expect("made");
+        let mut session = GpuSession::new(gpu.clone(), settings).expect("made");
         let before = session.begin(Spheres::from(&spheres)).expect("begun");
         session.set_algorithm(then).expect("on the GPU");
         let next = session.begin(Spheres::from(&other)).expect("begun");
@@ -206,12 +206,12 @@ fn retried_call_keeps_its_algorithm_and_pairs() {
 
 #[test]
 fn one_level_is_used_if_entries_exceed_the_limit() {
-    let Some(own) = device() else { return };
-    let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 256 << 10, ..limits });
+    let Some(gpu) = device() else { return };
+    let gpu = limited(&gpu, |limits| wgpu::Limits { max_storage_buffer_binding_size: 256 << 10, ..limits });
     let n = 2000_u64;
     let spheres: Vec<_> = (0..n as i32).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).pair_capacity(1 << 14);
-    let mut session = GpuSession::new(own, settings).expect("made");
+    let mut session = GpuSession::new(gpu, settings).expect("made");
     for _ in 0..2 {
         assert_eq!(session_count(&mut session, &spheres), n * (n - 1) / 2);
         assert_eq!(session.algorithm(), Algorithm::ArrayGrid);
@@ -223,12 +223,12 @@ fn one_level_is_used_if_entries_exceed_the_limit() {
 
 #[test]
 fn stream_grows_the_output_for_a_giant() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let grain = |k: u32| [k % 20, k / 20 % 20, k / 400].map(|at| at as f32);
     let mut spheres = vec![Sphere::new([10.0; 3], 50.0)];
     spheres.extend((0..8000).map(|k| Sphere::new(grain(k), 0.25)));
     let settings = GpuConfig::default().pair_capacity(500);
-    let mut session = GpuSession::new(own, settings).expect("made");
+    let mut session = GpuSession::new(gpu, settings).expect("made");
     let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
     let mut handed = Vec::new();
     let streamed = session.finish_in_parts(ticket, |pairs| {
@@ -241,10 +241,10 @@ fn stream_grows_the_output_for_a_giant() {
 
 #[test]
 fn entry_capacity_is_kept_per_input_size() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let spheres: Vec<_> = (0..3000).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 15))).collect();
     let settings = GpuConfig::default().algorithm(Algorithm::EagerGrid);
-    let mut session = GpuSession::new(own, settings).expect("made");
+    let mut session = GpuSession::new(gpu, settings).expect("made");
     let memory = |session: &GpuSession, n| session.memory_for(n).expect("fits");
     let [few, same] = [30, 3000].map(|n| memory(&session, n));
     assert_eq!(session_count(&mut session, &spheres), 3000 * 2999 / 2);
@@ -254,17 +254,17 @@ fn entry_capacity_is_kept_per_input_size() {
 
 #[test]
 fn memory_estimate_includes_the_species_of_each_call() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let table = Interactions::new(2, Interaction::Touch).expect("small");
     let spheres = cloud(9, 20_000, 4);
     let ids = vec![1_u32; spheres.len()];
     let estimate = |settings: &GpuConfig| {
-        let session = GpuSession::new(own.clone(), settings.clone()).expect("made");
+        let session = GpuSession::new(gpu.clone(), settings.clone()).expect("made");
         session.memory_for(20_000).expect("fits")
     };
     let plain = GpuConfig::default().algorithm(Algorithm::Naive);
     let settings = plain.clone().interactions(table);
-    let mut session = GpuSession::new(own.clone(), settings.clone()).expect("made");
+    let mut session = GpuSession::new(gpu.clone(), settings.clone()).expect("made");
     let given = Spheres::from(&spheres).with_species(&ids).expect("as many");
     let tickets = [(); 2].map(|()| session.begin(given).expect("begun"));
     for ticket in tickets {
@@ -278,7 +278,7 @@ fn memory_estimate_includes_the_species_of_each_call() {
 #[test]
 fn memory_estimate_does_not_depend_on_the_last_call() {
     let Some(_) = device() else { return };
-    let mut detector = gpu(Config::default());
+    let mut detector = gpu_detector(Config::default());
     let before = detector.memory_for(1_000_000);
     detector.count(&cloud(8, 100, 4)).expect("counted");
     assert_eq!(detector.report().algorithm, Algorithm::Naive);
@@ -287,9 +287,9 @@ fn memory_estimate_does_not_depend_on_the_last_call() {
 
 #[test]
 fn dropped_ticket_frees_its_slot() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let scenes: Vec<_> = (0..4).map(|k| cloud(k, 2000 + 500 * k as usize, 8)).collect();
-    let mut session = GpuSession::new(own, GpuConfig::default()).expect("made");
+    let mut session = GpuSession::new(gpu, GpuConfig::default()).expect("made");
     for dropped in [0, 1] {
         let mut tickets: Vec<_> =
             (0..2).map(|k| session.begin(Spheres::from(&scenes[k])).expect("begun")).collect();
@@ -306,17 +306,18 @@ fn dropped_ticket_frees_its_slot() {
 fn unordered_lists_have_the_same_pairs() {
     let Some(_) = device() else { return };
     let spheres = cloud(4, 10_000, 20);
-    let mut pairs = gpu(Config::default().order(Order::Unordered)).pairs(&spheres).expect("found").to_vec();
+    let mut pairs =
+        gpu_detector(Config::default().order(Order::Unordered)).pairs(&spheres).expect("found").to_vec();
     pairs.sort_unstable();
     assert_eq!(pairs, expected(&spheres));
 }
 
 #[test]
 fn candidate_overflow_never_fails_a_call() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let settings = GpuConfig::default().pair_capacity(1 << 10);
-    let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..limits });
-    let mut session = GpuSession::new(own, settings).expect("a session");
+    let gpu = limited(&gpu, |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..limits });
+    let mut session = GpuSession::new(gpu, settings).expect("a session");
     session.set_skin(Some(0.01)).expect("a skin");
     let mut count = |n: usize, what: &str| {
         let spheres = vec![Sphere::new([1.0; 3], 0.5); n];
@@ -342,12 +343,12 @@ fn candidate_overflow_never_fails_a_call() {
 
 #[test]
 fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for (n, extent, radix_from) in [(3000, 20, u32::MAX), (40_000, 50, u32::MAX), (20_000, 40, 0)] {
         let mut spheres = cloud(9, n, extent);
         spheres.truncate(n);
         let settings = GpuConfig::default().algorithm(Algorithm::CellList).radix_sort_from(radix_from);
-        let mut session = GpuSession::new(own.clone(), settings).expect("made");
+        let mut session = GpuSession::new(gpu.clone(), settings).expect("made");
         let mut reused = Vec::new();
         for call in 0..19 {
             let pairs = session_pairs(&mut session, &spheres);
@@ -365,9 +366,9 @@ fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
 
 #[test]
 fn calls_in_flight_are_repeated_if_reused_cells_do_not_suit() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let settings = GpuConfig::default().algorithm(Algorithm::CellList);
-    let mut session = GpuSession::new(own, settings).expect("made");
+    let mut session = GpuSession::new(gpu, settings).expect("made");
     let small = cloud(3, 3000, 20);
     assert_eq!(session_count(&mut session, &small), expected(&small).len() as u64);
     let mut large = small.clone();

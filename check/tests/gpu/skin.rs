@@ -7,16 +7,16 @@ use lazygrid_check::scenes::cloud;
 use lazygrid_check::{SpeciesSetup, TestInput};
 
 fn ask(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     detector: &mut GpuSkinDetector,
     scenario: &TestInput,
 ) -> (Outcome, Vec<Pair>, SkinState) {
     let n = scenario.spheres.len() as u32;
     let at_most = n + 5;
-    let input = upload(own, &[&scenario.spheres[..], &[Sphere::default(); 5]].concat());
+    let input = upload(gpu, &[&scenario.spheres[..], &[Sphere::default(); 5]].concat());
     let species =
-        scenario.mixture.as_ref().map(|mixture| upload(own, &[&mixture.species[..], &[0; 5]].concat()));
-    let known = upload(own, &[n]);
+        scenario.mixture.as_ref().map(|mixture| upload(gpu, &[&mixture.species[..], &[0; 5]].concat()));
+    let known = upload(gpu, &[n]);
     let count = if n.is_multiple_of(2) {
         SphereCount::Host(n)
     } else {
@@ -24,14 +24,14 @@ fn ask(
     };
     let spheres = GpuSpheres::new(&input, count);
     let spheres = species.iter().fold(spheres, |spheres, species| spheres.with_species(species));
-    let output = submit(own, |encoder| detector.encode(encoder, &spheres)).expect("recorded");
-    let outcome = download::<Outcome>(own, &output.outcome, 1)[0];
-    let state = download::<SkinState>(own, detector.state().expect("after a call"), 1)[0];
-    (outcome, download(own, &output.pairs, outcome.found().min(output.capacity.into()) as usize), state)
+    let output = submit(gpu, |encoder| detector.encode(encoder, &spheres)).expect("recorded");
+    let outcome = download::<Outcome>(gpu, &output.outcome, 1)[0];
+    let state = download::<SkinState>(gpu, detector.state().expect("after a call"), 1)[0];
+    (outcome, download(gpu, &output.pairs, outcome.found().min(output.capacity.into()) as usize), state)
 }
 
-fn verify(own: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &TestInput, case: &str) -> SkinState {
-    let (outcome, pairs, state) = ask(own, detector, scenario);
+fn verify(gpu: &GpuDevice, detector: &mut GpuSkinDetector, scenario: &TestInput, case: &str) -> SkinState {
+    let (outcome, pairs, state) = ask(gpu, detector, scenario);
     assert_eq!(outcome.overflow, 0, "{case}: {outcome:?}");
     let invalid = scenario.spheres.iter().filter(|sphere| !sphere.is_valid()).count();
     assert_eq!(outcome.quarantined as usize, invalid, "{case}");
@@ -48,7 +48,7 @@ fn walk(spheres: &mut [Sphere], radii: f32, random: &mut Random) {
 
 #[test]
 fn candidate_lists_never_change_an_answer() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let rows = vec![vec![Interaction::Never], vec![Interaction::Within(0.9), Interaction::Touch]];
     let boxed = Space::periodic([Some(9.0), None, Some(8.5)]).expect("a box");
     let cases = [
@@ -73,12 +73,12 @@ fn candidate_lists_never_change_an_answer() {
         };
         let table = scenario.interactions().expect("two species");
         let settings = GpuConfig::default().algorithm(algorithm).space(space).interactions(table);
-        let mut detector = GpuSkinDetector::new(&own.device, settings, 0.3).expect("made");
+        let mut detector = GpuSkinDetector::new(&gpu.device, settings, 0.3).expect("made");
         scenario.spheres[17].center.x = f32::INFINITY;
         let mut random = Random(4);
         let (mut served, mut rebuilt) = (0, 0);
         for step in 0..16 {
-            let state = verify(&own, &mut detector, &scenario, &format!("{case}, step {step}"));
+            let state = verify(&gpu, &mut detector, &scenario, &format!("{case}, step {step}"));
             *if state.rebuild_reason == 0 { &mut served } else { &mut rebuilt } += 1;
             walk(&mut scenario.spheres, if step == 12 { 3.0 } else { 0.1 }, &mut random);
         }
@@ -88,9 +88,9 @@ fn candidate_lists_never_change_an_answer() {
 
 #[test]
 fn displacement_within_the_limit_keeps_the_list() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1.0, 1e-3), (1e-6, 1e-7), (1e6, 1e4)] {
-        let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), skin).expect("made");
+        let mut detector = GpuSkinDetector::new(&gpu.device, GpuConfig::default(), skin).expect("made");
         let at = |gone: f32| {
             let x = radius + 0.4985 * skin - gone;
             TestInput::from(vec![Sphere::new([-x, 0.0, 0.0], radius), Sphere::new([x, 0.0, 0.0], radius)])
@@ -98,7 +98,7 @@ fn displacement_within_the_limit_keeps_the_list() {
         let mut served = 0;
         for step in 0..40 {
             let gone = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
-            let state = verify(&own, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
+            let state = verify(&gpu, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
             served += u32::from(state.rebuild_reason == 0);
         }
         assert!(served == 39, "{radius}, {skin}: {served} served");
@@ -107,14 +107,14 @@ fn displacement_within_the_limit_keeps_the_list() {
 
 #[test]
 fn displacement_beyond_the_limit_rebuilds_the_list() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1e-6, 1e-7), (1e6, 1e4)] {
-        let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), skin).expect("made");
+        let mut detector = GpuSkinDetector::new(&gpu.device, GpuConfig::default(), skin).expect("made");
         for (gone, rebuilt) in [(0.0, SkinState::NO_LIST), (0.503 * skin, SkinState::DISPLACEMENT)] {
             let x = radius + 0.502 * skin - gone;
             let spheres = [-x, x].map(|x| Sphere::new([x, 0.0, 0.0], radius));
             let case = format!("{radius}, {skin}, gone {gone}");
-            let state = verify(&own, &mut detector, &TestInput::from(spheres.to_vec()), &case);
+            let state = verify(&gpu, &mut detector, &TestInput::from(spheres.to_vec()), &case);
             assert_eq!(state.rebuild_reason, rebuilt, "{case}: {state:?}");
         }
     }
@@ -122,11 +122,11 @@ fn displacement_beyond_the_limit_rebuilds_the_list() {
 
 #[test]
 fn changed_spheres_rebuild_the_list() {
-    let Some(own) = device() else { return };
-    let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), 0.5).expect("made");
+    let Some(gpu) = device() else { return };
+    let mut detector = GpuSkinDetector::new(&gpu.device, GpuConfig::default(), 0.5).expect("made");
     let mut scenario = TestInput::from(cloud(6, 900, 6.0, |_| 0.3));
     let mut ask = |scenario: &TestInput, rebuilt: u32, case: &str| {
-        let state = verify(&own, &mut detector, scenario, case);
+        let state = verify(&gpu, &mut detector, scenario, case);
         assert_eq!(state.rebuild_reason, rebuilt, "{case}: {state:?}");
     };
     ask(&scenario, SkinState::NO_LIST, "the first");
@@ -147,7 +147,7 @@ fn changed_spheres_rebuild_the_list() {
     ask(&scenario, 0, "nothing new");
 }
 
-fn two_species(own: &GpuDevice, of_second: [Interaction; 2]) -> (TestInput, GpuSkinDetector) {
+fn two_species(gpu: &GpuDevice, of_second: [Interaction; 2]) -> (TestInput, GpuSkinDetector) {
     let rows = vec![vec![Interaction::Touch], of_second.to_vec()];
     let species: Vec<u32> = (0..700).map(|k| k % 2).collect();
     let scenario = TestInput {
@@ -156,31 +156,31 @@ fn two_species(own: &GpuDevice, of_second: [Interaction; 2]) -> (TestInput, GpuS
         ..TestInput::default()
     };
     let settings = GpuConfig::default().interactions(scenario.interactions().expect("two species"));
-    let detector = GpuSkinDetector::new(&own.device, settings, 0.2).expect("made");
+    let detector = GpuSkinDetector::new(&gpu.device, settings, 0.2).expect("made");
     (scenario, detector)
 }
 
 #[test]
 fn changed_species_rebuild_the_list() {
-    let Some(own) = device() else { return };
-    let (mut scenario, mut detector) = two_species(&own, [Interaction::Within(1.5), Interaction::Never]);
+    let Some(gpu) = device() else { return };
+    let (mut scenario, mut detector) = two_species(&gpu, [Interaction::Within(1.5), Interaction::Never]);
     for (change, rebuilt) in
         [(None, SkinState::NO_LIST), (None, 0), (Some(601), SkinState::INPUT_CHANGED), (None, 0)]
     {
         if let (Some(k), Some(mixture)) = (change, &mut scenario.mixture) {
             mixture.species[k] = 1 - mixture.species[k];
         }
-        let state = verify(&own, &mut detector, &scenario, &format!("{change:?}"));
+        let state = verify(&gpu, &mut detector, &scenario, &format!("{change:?}"));
         assert_eq!(state.rebuild_reason, rebuilt, "{change:?}: {state:?}");
     }
 }
 
 #[test]
 fn spheres_that_never_pair_may_move_and_grow() {
-    let Some(own) = device() else { return };
-    let (mut scenario, mut detector) = two_species(&own, [Interaction::Never; 2]);
+    let Some(gpu) = device() else { return };
+    let (mut scenario, mut detector) = two_species(&gpu, [Interaction::Never; 2]);
     let mut ask = |scenario: &TestInput, rebuilt, case| {
-        let state = verify(&own, &mut detector, scenario, case);
+        let state = verify(&gpu, &mut detector, scenario, case);
         assert_eq!(state.rebuild_reason, rebuilt, "{case}: {state:?}");
     };
     ask(&scenario, SkinState::NO_LIST, "the first call");
@@ -198,13 +198,13 @@ fn spheres_that_never_pair_may_move_and_grow() {
 /// Radii to which half a skin cannot be added without loss.
 #[test]
 fn largest_radii_have_no_candidate_list() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for radius in [2e30, f32::MAX] {
-        let mut detector = GpuSkinDetector::new(&own.device, GpuConfig::default(), 0.5).expect("made");
+        let mut detector = GpuSkinDetector::new(&gpu.device, GpuConfig::default(), 0.5).expect("made");
         let mut scenario = TestInput::from(cloud(11, 300, 6.0, |_| 0.3));
         scenario.spheres[7].radius = radius;
         for rebuilt in [SkinState::NO_LIST, SkinState::INPUT_CHANGED, SkinState::INPUT_CHANGED] {
-            let state = verify(&own, &mut detector, &scenario, &format!("{radius:e}"));
+            let state = verify(&gpu, &mut detector, &scenario, &format!("{radius:e}"));
             assert_eq!(state.rebuild_reason, rebuilt, "{radius:e}: {state:?}");
         }
     }
@@ -212,13 +212,13 @@ fn largest_radii_have_no_candidate_list() {
 
 #[test]
 fn candidate_overflow_reports_the_needed_capacity() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     let settings = GpuConfig::default().pair_capacity(600_000);
-    let mut detector = GpuSkinDetector::new(&own.device, settings, 0.5).expect("made");
+    let mut detector = GpuSkinDetector::new(&gpu.device, settings, 0.5).expect("made");
     detector.set_candidate_capacity(1000);
     let scenario = TestInput::from(vec![Sphere::new([1.0; 3], 0.5); 1000]);
     for _ in 0..2 {
-        let (outcome, ..) = ask(&own, &mut detector, &scenario);
+        let (outcome, ..) = ask(&gpu, &mut detector, &scenario);
         assert_eq!(
             (outcome.overflow, outcome.entries_needed()),
             (Outcome::OVERFLOW_CANDIDATES, 499_500),
@@ -226,29 +226,29 @@ fn candidate_overflow_reports_the_needed_capacity() {
         );
     }
     detector.set_candidate_capacity(500_000);
-    assert_eq!(verify(&own, &mut detector, &scenario, "with room").rebuild_reason, SkinState::NO_LIST);
-    assert_eq!(verify(&own, &mut detector, &scenario, "reused").rebuild_reason, 0);
+    assert_eq!(verify(&gpu, &mut detector, &scenario, "with room").rebuild_reason, SkinState::NO_LIST);
+    assert_eq!(verify(&gpu, &mut detector, &scenario, "reused").rebuild_reason, 0);
 }
 
 /// Four candidates per pair of the output would exceed the binding.
 #[test]
 fn candidates_of_a_large_output_are_limited_to_the_device() {
-    let Some(own) = device() else { return };
-    let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..limits });
+    let Some(gpu) = device() else { return };
+    let gpu = limited(&gpu, |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..limits });
     let settings = GpuConfig::default().pair_capacity(1 << 16);
-    let mut detector = GpuSkinDetector::new(&own.device, settings, 0.5).expect("made");
+    let mut detector = GpuSkinDetector::new(&gpu.device, settings, 0.5).expect("made");
     let scenario = TestInput::from(cloud(12, 900, 6.0, |_| 0.3));
     for rebuilt in [SkinState::NO_LIST, 0] {
-        let state = verify(&own, &mut detector, &scenario, "a large output");
+        let state = verify(&gpu, &mut detector, &scenario, "a large output");
         assert_eq!(state.rebuild_reason, rebuilt, "{state:?}");
     }
 }
 
 #[test]
 fn skins_out_of_range_are_refused() {
-    let Some(own) = device() else { return };
+    let Some(gpu) = device() else { return };
     for skin in [0.0, -1.0, f32::NAN, f32::INFINITY, 1e-20, 1e20] {
-        let refused = GpuSkinDetector::new(&own.device, GpuConfig::default(), skin);
+        let refused = GpuSkinDetector::new(&gpu.device, GpuConfig::default(), skin);
         assert!(refused.expect_err("refused").to_string().contains("1e-14"), "{skin}");
     }
 }

@@ -96,7 +96,7 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
         None => GpuDevice::shared(SoftwareAdapter::Allow),
     };
     match gpu {
-        Ok(gpu) => Ok(Ok(Some(Gpu { own: gpu, adapter: args.adapter.clone() }))),
+        Ok(device) => Ok(Ok(Some(Gpu { device, adapter: args.adapter.clone() }))),
         Err(error @ Error::NoAdapter { .. }) if args.backend == Checked::All && args.adapter.is_none() => {
             Ok(Err(error.to_string()))
         }
@@ -170,8 +170,9 @@ impl CheckContext<'_> {
         let (from, start) = (self.bar.position(), Instant::now());
         for (k, check) in CHECKS.iter().enumerate() {
             self.step(from, KERNELS, [k, CHECKS.len()], &format!("kernels: {}", check.name));
-            let checked =
-                catch_panic(|| (check.run)(&gpu.own, self.args.effort()).map_err(|fault| fault.to_string()));
+            let checked = catch_panic(|| {
+                (check.run)(&gpu.device, self.args.effort()).map_err(|fault| fault.to_string())
+            });
             if let Err(what) = checked {
                 let name = format!("{} ({})", check.name, check.kernels.join(", "));
                 self.suspend_bar(|| report.failure(FailedCase { name, what, ..FailedCase::default() }));
@@ -188,7 +189,7 @@ impl CheckContext<'_> {
         let on_gpu = self
             .gpu
             .as_ref()
-            .map_or_else(Vec::new, |gpu| DetectorVariant::on_gpu(&gpu.own, self.args.effort()));
+            .map_or_else(Vec::new, |gpu| DetectorVariant::on_gpu(&gpu.device, self.args.effort()));
         let on_cpu = if self.on_cpu { DetectorVariant::on_cpu() } else { Vec::new() };
         let backends = u64::from(!on_gpu.is_empty()) + u64::from(self.on_cpu);
         let most = if self.args.full { SCENE_SECONDS * 20.0 } else { SCENE_SECONDS };

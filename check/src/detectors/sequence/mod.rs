@@ -90,18 +90,18 @@ impl Sequence {
     /// Returns the options of `lazygrid detect` that repeat a single call.
     fn options(&self, gpu: Option<&Gpu>) -> String {
         let Settings { variant, skin, order, max_pairs, rows, .. } = &self.settings;
-        let own = variant.options(gpu);
+        let options = variant.options(gpu);
         let [Step { scenario, ask, .. }] = &self.steps[..] else { return String::new() };
         let has_table = rows.is_some() || scenario.mixture.is_some();
-        if own.is_empty() || *skin != Skin::Auto || has_table || !ask.is_plain() {
+        if options.is_empty() || *skin != Skin::Auto || has_table || !ask.is_plain() {
             return String::new();
         }
         let unordered = if *order == Order::Unordered { " --unordered" } else { "" };
         match ask.output {
-            Output::Count => own + " --count",
-            Output::Neighbors => format!("{own} --neighbors --max-pairs {max_pairs} -o neighbors.csv"),
+            Output::Count => options + " --count",
+            Output::Neighbors => format!("{options} --neighbors --max-pairs {max_pairs} -o neighbors.csv"),
             Output::List | Output::Stream { .. } => {
-                format!("{own}{unordered} --max-pairs {max_pairs} -o pairs.csv")
+                format!("{options}{unordered} --max-pairs {max_pairs} -o pairs.csv")
             }
         }
     }

@@ -69,7 +69,7 @@ impl Report {
         report.record("version", env!("CARGO_PKG_VERSION"));
         report.record("cpu", devices::cpu());
         report.say(&format!("cpu        {}\n", devices::cpu()));
-        match gpu.map(|gpu| &gpu.own.adapter) {
+        match gpu.map(|gpu| &gpu.device.adapter) {
             Some(adapter) => {
                 let subgroups = devices::subgroups(adapter);
                 report.record(

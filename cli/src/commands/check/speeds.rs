@@ -29,14 +29,14 @@ pub(super) fn run(context: &CheckContext<'_>, report: &mut Report) {
     }
     if let Some(gpu) = &context.gpu {
         primitives(context, gpu, report);
-        let time = |algorithm, spheres: &[Sphere]| speed::on_gpu(&gpu.own, algorithm, spheres);
+        let time = |algorithm, spheres: &[Sphere]| speed::on_gpu(&gpu.device, algorithm, spheres);
         BackendTimings::new(context, Backend::Gpu, &time).run(scenes, Algorithm::GPU, report);
     }
 }
 
 fn primitives(context: &CheckContext<'_>, gpu: &Gpu, report: &mut Report) {
     context.bar.set_message("speeds: copy, scan and sort");
-    let watch = GpuTimer::new(gpu.own.clone(), ROUNDS);
+    let watch = GpuTimer::new(gpu.device.clone(), ROUNDS);
     let measured = catch_panic(|| {
         let watch = watch.map_err(|error| error.to_string())?;
         let text = |fault: KernelError| fault.to_string();
