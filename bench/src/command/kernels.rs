@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
 fn chosen(args: &Kernels) -> Result<Vec<AdapterSummary>, Failure> {
     let mut found = adapters();
     if let Some(id) = &args.adapter {
-        let index = id.place_in(&found).map_err(|e| Failure::Kernels(e.to_string()))?;
+        let index = id.index_in(&found).map_err(|e| Failure::Kernels(e.to_string()))?;
         found = vec![found.swap_remove(index)];
     }
     let names: Vec<_> = found.iter().map(|adapter| format!("{} ({})", adapter.name, adapter.api)).collect();

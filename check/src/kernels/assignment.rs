@@ -27,8 +27,8 @@ pub(crate) fn cell_list_configure(gpu: &GpuDevice) -> Result<(), KernelError> {
         same(|| what("spheres"), &list.spheres, &case.spheres)?;
         let ordinary = bad < case.spheres;
         same(|| what("ordinary"), &(list.ordinary != 0), &ordinary)?;
-        let dense = case.is_dense && case.spheres > 1;
-        same(|| what("spheres leave cells"), &(list.has_overfull_cells != 0), &dense)?;
+        let is_overfull = case.is_overfull && case.spheres > 1;
+        same(|| what("spheres leave cells"), &(list.has_overfull_cells != 0), &is_overfull)?;
         let lengths = SortCounts { items: case.spheres, counters: list.cells + 2 };
         same(|| what("lengths"), &chosen.lengths, &lengths)?;
         levels_are_sound(&chosen, case)?;
@@ -58,7 +58,7 @@ fn first_calls_miss_no_crowd(gpu: &GpuDevice) -> Result<(), KernelError> {
         ),
     ] {
         let division = Division::OneSet;
-        let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false, division };
+        let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_overfull: false, division };
         let chosen = case.choose_after(gpu, (0..SPHERES).map(sphere).collect(), 0, before)?;
         same(
             || format!("crowds of {case:?} after {before:?}"),
@@ -228,7 +228,7 @@ pub(crate) fn occupancy_count(gpu: &GpuDevice) -> Result<(), KernelError> {
             call.run(&k::OCCUPANCY_COUNT, *variant, groups)?;
             let found = call.read::<u32>("occupancy", slots)?;
             let case = || format!("{groups} workgroups, {case:?}");
-            ConfiguredCellList::agrees(case, &found, |fused| chosen.density(fused))?;
+            ConfiguredCellList::agrees(case, &found, |fused| chosen.occupancy(fused))?;
         }
     }
     Ok(())
@@ -239,7 +239,7 @@ pub(crate) fn cells_count(gpu: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(gpu)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
-        let (table, call) = (chosen.density(true), SearchParams { tau: TAU, ..*call });
+        let (table, call) = (chosen.occupancy(true), SearchParams { tau: TAU, ..*call });
         let call = KernelCall::new(gpu)
             .with("params", &[call])?
             .with_layout("cell_list", list)?
@@ -254,7 +254,7 @@ pub(crate) fn cells_count(gpu: &GpuDevice) -> Result<(), KernelError> {
         let mut found = call.read::<[u32; 2]>("cell_ranks", case.spheres as usize)?;
         let cells = found.iter().map(|&[cell, _]| cell).collect();
         let what = |what: &str| format!("{what}, {case:?}");
-        ConfiguredCellList::agrees(|| what("cells"), &cells, |fused| chosen.homes(&table, fused).0)?;
+        ConfiguredCellList::agrees(|| what("cells"), &cells, |fused| chosen.assigned_cells(&table, fused).0)?;
         let counts = call.read::<u32>("starts", list.cells as usize + 2)?;
         let mut expected = vec![0; counts.len()];
         cells.iter().for_each(|&cell| expected[cell as usize] += 1);
@@ -267,7 +267,7 @@ pub(crate) fn cells_count(gpu: &GpuDevice) -> Result<(), KernelError> {
             ConfiguredCellList::agrees(
                 || what("the fullest cell"),
                 &max_occupancy,
-                |fused| chosen.homes(&table, fused).1,
+                |fused| chosen.assigned_cells(&table, fused).1,
             )?;
         } else {
             let small = |id: usize| chosen.may_pair(id) && ![0, LISTED].contains(&chosen.own_level(id));
@@ -289,7 +289,7 @@ pub(crate) fn cells_key(gpu: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(gpu)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
-        let (table, tile) = (chosen.density(true), k::RADIX_TILE);
+        let (table, tile) = (chosen.occupancy(true), k::RADIX_TILE);
         let tiles = case.spheres.div_ceil(tile);
         let pass = RadixPass { shift: 0, mask: 255, is_first: 1 };
         let lengths = SortCounts { items: case.spheres, counters: 256 * tiles };
@@ -308,7 +308,7 @@ pub(crate) fn cells_key(gpu: &GpuDevice) -> Result<(), KernelError> {
         call.run(&k::CELLS_KEY, *variant, tiles)?;
         let found = call.read::<u32>("keys", case.spheres as usize)?;
         let what = |what: &str| format!("{what}, {case:?}");
-        ConfiguredCellList::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;
+        ConfiguredCellList::agrees(|| what("keys"), &found, |fused| chosen.assigned_cells(&table, fused).0)?;
         let mut expected = vec![0_u32; 256 * tiles as usize];
         for (tile, keys) in found.chunks(tile as usize).enumerate() {
             keys.iter().for_each(|key| expected[(key & 255) as usize * tiles as usize + tile] += 1);
@@ -318,7 +318,7 @@ pub(crate) fn cells_key(gpu: &GpuDevice) -> Result<(), KernelError> {
         ConfiguredCellList::agrees(
             || what("the fullest cell"),
             &max_occupancy,
-            |fused| chosen.homes(&table, fused).1,
+            |fused| chosen.assigned_cells(&table, fused).1,
         )?;
     }
     Ok(())

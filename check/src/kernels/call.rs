@@ -67,7 +67,7 @@ pub(crate) fn spheres_wrap(gpu: &GpuDevice) -> Result<(), KernelError> {
 }
 
 pub(crate) fn spheres_interleave(gpu: &GpuDevice) -> Result<(), KernelError> {
-    const ROOM: usize = 700;
+    const CAPACITY: usize = 700;
     const UNWRITTEN: [u32; 4] = [7; 4];
     let mut random = Random(0);
     for (given, most) in [(0_u32, 10_u32), (255, 700), (256, 257), (700, 700), (701, 700)] {
@@ -75,7 +75,7 @@ pub(crate) fn spheres_interleave(gpu: &GpuDevice) -> Result<(), KernelError> {
             first: [0; 4].map(|_: u32| random.below(9)),
             stride: [1, 9, 0, 3].map(|stride: u32| stride + random.below(2)),
         };
-        let columns = layout.bytes(ROOM as u32).map(|bytes| -> Vec<u32> {
+        let columns = layout.bytes(CAPACITY as u32).map(|bytes| -> Vec<u32> {
             (0..bytes / 4).map(|_| 0x3f80_0000 + random.below(1 << 22)).collect()
         });
         let call = KernelCall::new(gpu)
@@ -86,8 +86,8 @@ pub(crate) fn spheres_interleave(gpu: &GpuDevice) -> Result<(), KernelError> {
             .with("y", &columns[1])?
             .with("z", &columns[2])?
             .with("r", &columns[3])?
-            .with("rows", &[UNWRITTEN; ROOM])?;
-        call.run(&k::SPHERES_INTERLEAVE, Variant::default(), ROOM.div_ceil(256) as u32)?;
+            .with("rows", &[UNWRITTEN; CAPACITY])?;
+        call.run(&k::SPHERES_INTERLEAVE, Variant::default(), CAPACITY.div_ceil(256) as u32)?;
         let number = |column: usize, sphere: usize| {
             columns[column][layout.first[column] as usize + sphere * layout.stride[column] as usize]
         };
@@ -95,8 +95,8 @@ pub(crate) fn spheres_interleave(gpu: &GpuDevice) -> Result<(), KernelError> {
         let row = |sphere| {
             if sphere < written { [0, 1, 2, 3].map(|column| number(column, sphere)) } else { UNWRITTEN }
         };
-        let expected: Vec<[u32; 4]> = (0..ROOM).map(row).collect();
-        let found = call.read::<[u32; 4]>("rows", ROOM)?;
+        let expected: Vec<[u32; 4]> = (0..CAPACITY).map(row).collect();
+        let found = call.read::<[u32; 4]>("rows", CAPACITY)?;
         same(|| format!("{given} spheres of {most} in {layout:?}"), &found, &expected)?;
     }
     Ok(())

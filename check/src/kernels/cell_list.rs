@@ -195,7 +195,7 @@ pub(crate) fn spheres_scatter(gpu: &GpuDevice) -> Result<(), KernelError> {
         let spheres = hard::any_floats(&SceneSeed::drawn(&mut random, size));
         let cells = size as u32 / 3 + 1;
         let mut starts = vec![0_u32; cells as usize + 1];
-        let homes: Vec<[u32; 2]> = (0..size)
+        let assigned_cells: Vec<[u32; 2]> = (0..size)
             .map(|_| {
                 let cell = random.below(cells);
                 starts[cell as usize + 1] += 1;
@@ -204,21 +204,21 @@ pub(crate) fn spheres_scatter(gpu: &GpuDevice) -> Result<(), KernelError> {
             .collect();
         (0..cells as usize).for_each(|cell| starts[cell + 1] += starts[cell]);
         let mut order: Vec<u32> = (0..size as u32).collect();
-        order.sort_by_key(|&at| homes[at as usize]);
+        order.sort_by_key(|&at| assigned_cells[at as usize]);
         let list = CellListLayout { spheres: size as u32, ..CellListLayout::zeroed() };
         let call = KernelCall::new(gpu)
             .with("params", &[SearchParams::zeroed()])?
             .with_layout("cell_list", &list)?
             .with("spheres", &spheres)?
             .with("starts", &starts)?
-            .with("cell_ranks", &homes)?
+            .with("cell_ranks", &assigned_cells)?
             .with_zeros::<[u32; 4]>("sorted", size)?
             .with_zeros::<u32>("cells", size)?
             .with_zeros::<u32>("order", size)?
             .with("outcome", &[Outcome::default()])?;
         let groups = (size as u32).div_ceil(k::WORKGROUP_SIZE);
         call.run(&k::SPHERES_SCATTER, Variant::default(), groups)?;
-        let expected_cells: Vec<u32> = order.iter().map(|&at| homes[at as usize][0]).collect();
+        let expected_cells: Vec<u32> = order.iter().map(|&at| assigned_cells[at as usize][0]).collect();
         same(|| format!("order of {size} spheres"), &call.read::<u32>("order", size)?, &order)?;
         same(|| format!("cells of {size} spheres"), &call.read::<u32>("cells", size)?, &expected_cells)?;
         gathered(&call, &spheres, &order)?;

@@ -34,7 +34,7 @@ pub(crate) struct ConfiguredCellList {
 pub(crate) struct CellListCase {
     pub(crate) spheres: u32,
     pub(crate) lengths: [Option<f32>; 3],
-    pub(crate) is_dense: bool,
+    pub(crate) is_overfull: bool,
     pub(crate) division: Division,
 }
 
@@ -47,8 +47,10 @@ pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     let one = [0, 1, 257, 5000].map(|spheres| (spheres, Division::OneSet));
     let several = several_sides.flat_map(|division| [257, 5000].map(move |spheres| (spheres, division)));
     one.into_iter().chain(several).flat_map(move |(spheres, division)| {
-        let case = move |lengths, is_dense| CellListCase { spheres, lengths, is_dense, division };
-        spaces.into_iter().flat_map(move |lengths| [false, true].map(|is_dense| case(lengths, is_dense)))
+        let case = move |lengths, is_overfull| CellListCase { spheres, lengths, is_overfull, division };
+        spaces
+            .into_iter()
+            .flat_map(move |lengths| [false, true].map(|is_overfull| case(lengths, is_overfull)))
     })
 }
 
@@ -74,7 +76,7 @@ impl CellListCase {
         gpu: &GpuDevice,
         spheres: Vec<Sphere>,
     ) -> Result<ConfiguredCellList, KernelError> {
-        let tau = if self.is_dense { TAU } else { u32::MAX };
+        let tau = if self.is_overfull { TAU } else { u32::MAX };
         let before = changed(Outcome::zeroed(), |new| {
             new.max_occupancy = TAU + 1;
             new.deferred_blocks = 7;
@@ -231,34 +233,35 @@ impl ConfiguredCellList {
         has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), level, fused))
     }
 
-    pub(crate) fn density(&self, fused: bool) -> Vec<u32> {
-        let mut density = vec![0; self.call.occupancy_slots as usize];
-        let slots = density.len();
+    pub(crate) fn occupancy(&self, fused: bool) -> Vec<u32> {
+        let mut occupancy = vec![0; self.call.occupancy_slots as usize];
+        let slots = occupancy.len();
         let cells = (0..self.scenario.spheres.len()).filter_map(|id| self.coarsest(id, fused));
         cells
             .filter(|_| self.list.has_overfull_cells != 0)
-            .for_each(|cell| density[cell as usize % slots] += 1);
-        density
+            .for_each(|cell| occupancy[cell as usize % slots] += 1);
+        occupancy
     }
 
     /// Returns the cell, and the occupancy of an overfull cell that the sphere left, or 0.
-    fn home(&self, id: usize, density: &[u32], fused: bool) -> (u32, u32) {
+    fn assigned_cell(&self, id: usize, occupancy: &[u32], fused: bool) -> (u32, u32) {
         let (list, space, sphere) = (&self.list, self.scenario.space, &self.scenario.spheres[id]);
         let Some(coarsest) = self.coarsest(id, fused) else {
             return (list.cells + u32::from(!self.may_pair(id)), 0);
         };
         let level = self.own_level(id);
-        let crowd = density[coarsest as usize % density.len()];
-        match level != 0 && list.has_overfull_cells != 0 && crowd > self.call.tau {
-            true => (cell(list, space, self.place(sphere), self.first_level(id) + level, fused), crowd),
+        let occupancy = occupancy[coarsest as usize % occupancy.len()];
+        match level != 0 && list.has_overfull_cells != 0 && occupancy > self.call.tau {
+            true => (cell(list, space, self.place(sphere), self.first_level(id) + level, fused), occupancy),
             false => (coarsest, 0),
         }
     }
 
-    pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
-        let homes = (0..self.scenario.spheres.len()).map(|id| self.home(id, density, fused));
-        let (cells, crowds): (Vec<u32>, Vec<u32>) = homes.unzip();
-        (cells, crowds.into_iter().max().unwrap_or(0))
+    pub(crate) fn assigned_cells(&self, occupancy: &[u32], fused: bool) -> (Vec<u32>, u32) {
+        let assigned_cells =
+            (0..self.scenario.spheres.len()).map(|id| self.assigned_cell(id, occupancy, fused));
+        let (cells, occupancies): (Vec<u32>, Vec<u32>) = assigned_cells.unzip();
+        (cells, occupancies.into_iter().max().unwrap_or(0))
     }
 
     pub(crate) fn agrees<T: PartialEq + std::fmt::Debug>(

@@ -111,16 +111,16 @@ fn slot(depth: u32, [x, y, z]: [i32; 3]) -> usize {
     ((hash & (SLOTS - 1)) + if depth == 0 { 0 } else { SLOTS }) as usize
 }
 
-fn add(density: &mut [u32], depth: u32, cell: [i32; 3], is_own: bool) {
-    let counter = &mut density[slot(depth, cell)];
+fn add(occupancy: &mut [u32], depth: u32, cell: [i32; 3], is_own: bool) {
+    let counter = &mut occupancy[slot(depth, cell)];
     *counter = if is_own { *counter | HAS_OWN } else { *counter + 1 };
 }
 
-fn is_dense(counter: u32, tau: u32) -> bool {
+fn is_overfull(counter: u32, tau: u32) -> bool {
     counter & !HAS_OWN > tau
 }
 
-fn density_plain(cells: &[Cells], tau: u32) -> (Vec<u32>, Vec<u32>) {
+fn expected_occupancy(cells: &[Cells], tau: u32) -> (Vec<u32>, Vec<u32>) {
     let mut first = vec![0; 2 * SLOTS as usize];
     for sphere_cells in cells {
         sphere_cells.at(0).all().for_each(|cell| add(&mut first, 0, cell, sphere_cells.depth == 0));
@@ -129,7 +129,7 @@ fn density_plain(cells: &[Cells], tau: u32) -> (Vec<u32>, Vec<u32>) {
     for sphere_cells in cells {
         for depth in 1..=sphere_cells.depth {
             for cell in sphere_cells.at(depth).all() {
-                if is_dense(first[slot(0, cell.map(|c| c >> depth))], tau) {
+                if is_overfull(first[slot(0, cell.map(|c| c >> depth))], tau) {
                     add(&mut all, depth, cell, depth == sphere_cells.depth);
                 }
             }
@@ -153,7 +153,7 @@ pub(crate) fn occupancy_clear(gpu: &GpuDevice) -> Result<(), KernelError> {
                 .with("params", &[SearchParams { occupancy_slots: slots, ..call(split_policy, 0) }])?
                 .with_layout("grid", &grid(1, split_policy))?
                 .with("occupancy", &vec![7_u32; 2 * slots as usize + 3])?;
-            call.run(&k::OCCUPANCY_CLEAR, Variant::default(), (2 * slots).div_ceil(k::DENSITY_TILE))?;
+            call.run(&k::OCCUPANCY_CLEAR, Variant::default(), (2 * slots).div_ceil(k::OCCUPANCY_TILE))?;
             let found = call.read::<u32>("occupancy", 2 * slots as usize + 3)?;
             let cleared = if split_policy == 2 { 2 * slots as usize } else { 0 };
             let expected: Vec<u32> = (0..found.len()).map(|k| if k < cleared { 0 } else { 7 }).collect();
@@ -197,7 +197,7 @@ pub(crate) fn cells_find(gpu: &GpuDevice) -> Result<(), KernelError> {
             same(|| case("depths"), &bounds.depth_mask, &depths)?;
             let table = if split_policy == 2 { expected.as_slice() } else { &[] };
             let found = call.read::<u32>("occupancy", 2 * SLOTS as usize)?;
-            same(|| case("density"), &found, &density_plain(table, 0).0)?;
+            same(|| case("density"), &found, &expected_occupancy(table, 0).0)?;
         }
     }
     Ok(())
@@ -207,7 +207,7 @@ pub(crate) fn levels_count(gpu: &GpuDevice) -> Result<(), KernelError> {
     for size in SIZES {
         for tau in [0, 3, 400, u32::MAX] {
             let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
-            let (first, all) = density_plain(&cells, tau);
+            let (first, all) = expected_occupancy(&cells, tau);
             let mut bounds = Bounds { depth_mask: depths_of(&cells), ..Bounds::zeroed() };
             let call = KernelCall::new(gpu)
                 .with("params", &[call(2, tau)])?
@@ -219,7 +219,7 @@ pub(crate) fn levels_count(gpu: &GpuDevice) -> Result<(), KernelError> {
             let case = |what: &str| format!("{what}, {size} spheres, tau {tau}");
             same(|| case("density"), &call.read::<u32>("occupancy", all.len())?, &all)?;
             for sphere_cells in cells.iter().filter(|sphere_cells| sphere_cells.depth > 0) {
-                let descends = sphere_cells.at(0).all().any(|cell| is_dense(first[slot(0, cell)], tau));
+                let descends = sphere_cells.at(0).all().any(|cell| is_overfull(first[slot(0, cell)], tau));
                 bounds.descending[sphere_cells.depth as usize] += u32::from(descends);
             }
             same(|| case("bounds"), &call.read_one::<Bounds>("bounds")?, &bounds)?;
@@ -236,7 +236,7 @@ pub(crate) fn levels_assign_keys(gpu: &GpuDevice) -> Result<(), KernelError> {
             for depth in (0..32).filter(|depth| depths >> depth & 1 == 1) {
                 bounds.descending[depth] = random.word() >> (8 + random.word() % 24);
             }
-            let goes_on = bounds.descending[1..].iter().any(|&count| count > 0);
+            let has_descending = bounds.descending[1..].iter().any(|&count| count > 0);
             let call = KernelCall::new(gpu)
                 .with("params", &[SearchParams { key_bits, ..call(2, 0) }])?
                 .with("bounds", &[bounds])?
@@ -244,7 +244,7 @@ pub(crate) fn levels_assign_keys(gpu: &GpuDevice) -> Result<(), KernelError> {
             call.run(&k::LEVELS_ASSIGN_KEYS, Variant::default(), 1)?;
             let grid = call.read_layout::<Grid>("grid")?;
             let case = |what: &str| format!("{what}, {key_bits} bits, depths {depths:x}");
-            if !goes_on {
+            if !has_descending {
                 same(|| case("one level"), &[grid.split_policy, grid.level_mask, grid.passive], &[0, 1, 0])?;
                 continue;
             }
@@ -271,7 +271,7 @@ pub(crate) fn levels_assign_keys(gpu: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec<[u32; 2]> {
+fn expected_entries(cells: &[Cells], grid: &Grid, occupancy: &[u32], tau: u32) -> Vec<[u32; 2]> {
     let mut entries = Vec::new();
     for (index, sphere_cells) in cells.iter().enumerate() {
         let mut handed: HashMap<[i32; 3], bool> = HashMap::new();
@@ -285,9 +285,9 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
                     next.insert(cell, false);
                     continue;
                 }
-                let counter = density[slot(depth, cell)];
+                let counter = occupancy[slot(depth, cell)];
                 let refined =
-                    depth < sphere_cells.depth && (grid.split_policy == 1 || is_dense(counter, tau));
+                    depth < sphere_cells.depth && (grid.split_policy == 1 || is_overfull(counter, tau));
                 let meets = if grid.split_policy == 1 {
                     grid.depth_mask >> depth & 1 == 1
                 } else {
@@ -317,7 +317,7 @@ pub(crate) fn entries_emit(gpu: &GpuDevice) -> Result<(), KernelError> {
             [(1, 0), (2, 0), (2, 3), (2, 400), (2, u32::MAX)].map(|settings| (size, settings))
         }) {
             let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
-            let (_, density) = density_plain(&cells, tau);
+            let (_, occupancy) = expected_occupancy(&cells, tau);
             let occupied = depths_of(&cells);
             let mut grid = Grid {
                 level_mask: occupied | 1,
@@ -332,7 +332,7 @@ pub(crate) fn entries_emit(gpu: &GpuDevice) -> Result<(), KernelError> {
                 .with("params", &[call(split_policy, tau)])?
                 .with_layout("grid", &grid)?
                 .with("cells", &packed(&cells))?
-                .with("occupancy", &density)?
+                .with("occupancy", &occupancy)?
                 .with("outcome", &[Outcome::zeroed()])?
                 .with_zeros::<u32>("keys", 1 << 20)?
                 .with_zeros::<u32>("objects", 1 << 20)?;
@@ -341,7 +341,7 @@ pub(crate) fn entries_emit(gpu: &GpuDevice) -> Result<(), KernelError> {
             let [keys, objects] = [call.read::<u32>("keys", count)?, call.read::<u32>("objects", count)?];
             let mut found: Vec<[u32; 2]> = keys.into_iter().zip(objects).map(|(k, o)| [k, o]).collect();
             found.sort_unstable();
-            let expected = entries_plain(&cells, &grid, &density, tau);
+            let expected = expected_entries(&cells, &grid, &occupancy, tau);
             let case = || format!("{size} spheres, split_policy {split_policy}, tau {tau}, {variant:?}");
             same(case, &found, &expected)?;
         }

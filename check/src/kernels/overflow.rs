@@ -18,10 +18,10 @@ struct Searched<'a> {
 impl<'a> Searched<'a> {
     fn new(gpu: &'a GpuDevice, chosen: &'a ConfiguredCellList) -> Result<Self, KernelError> {
         let ConfiguredCellList { call, scenario, list, .. } = chosen;
-        let (homes, _) = chosen.homes(&chosen.density(false), false);
+        let (assigned_cells, _) = chosen.assigned_cells(&chosen.occupancy(false), false);
         let mut order: Vec<u32> = (0..call.spheres).collect();
-        order.sort_by_key(|&id| homes[id as usize]);
-        let cells: Vec<u32> = order.iter().map(|&id| homes[id as usize]).collect();
+        order.sort_by_key(|&id| assigned_cells[id as usize]);
+        let cells: Vec<u32> = order.iter().map(|&id| assigned_cells[id as usize]).collect();
         let starts: Vec<u32> =
             (0..list.cells + 3).map(|cell| cells.partition_point(|&gpu| gpu < cell) as u32).collect();
         let image = |&id: &u32| {
@@ -95,7 +95,7 @@ pub(crate) fn cell_list_search_overflow(gpu: &GpuDevice) -> Result<(), KernelErr
 pub(crate) fn cell_list_search(gpu: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
         let division = Division::OneSet;
-        let case = CellListCase { spheres: count, lengths: [None; 3], is_dense: false, division };
+        let case = CellListCase { spheres: count, lengths: [None; 3], is_overfull: false, division };
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
         let chosen = case.choose_for(gpu, spheres)?;
         let searched = Searched::new(gpu, &chosen)?;
@@ -111,9 +111,9 @@ pub(crate) fn cell_list_search(gpu: &GpuDevice) -> Result<(), KernelError> {
         let blocks: Vec<u32> = (0..count).step_by(256).filter(|block| count - 1 - block > chunk).collect();
         let listed = (outcome.deferred_blocks as usize, outcome.deferred_max_tiles);
         same(|| what("blocks and chunks"), &listed, &(blocks.len(), rest.div_ceil(chunk)))?;
-        let mut crowded = searched.call.read::<u32>("deferred", blocks.len())?;
-        crowded.sort_unstable();
-        same(|| what("blocks"), &crowded, &blocks)?;
+        let mut deferred = searched.call.read::<u32>("deferred", blocks.len())?;
+        deferred.sort_unstable();
+        same(|| what("blocks"), &deferred, &blocks)?;
         few(gpu, &chosen)?;
         refused(gpu, &chosen)?;
     }

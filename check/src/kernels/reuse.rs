@@ -53,8 +53,11 @@ fn cases() -> impl Iterator<Item = CellListCase> {
     let spaces = [[None; 3], [Some(120.0), None, Some(130.5)]];
     let divisions = [Division::OneSet, Division::TwoSets, Division::Species { meets_itself: true }];
     divisions.into_iter().flat_map(move |division| {
-        let case = move |lengths, is_dense| CellListCase { spheres: SPHERES, lengths, is_dense, division };
-        spaces.into_iter().flat_map(move |lengths| [false, true].map(|is_dense| case(lengths, is_dense)))
+        let case =
+            move |lengths, is_overfull| CellListCase { spheres: SPHERES, lengths, is_overfull, division };
+        spaces
+            .into_iter()
+            .flat_map(move |lengths| [false, true].map(|is_overfull| case(lengths, is_overfull)))
     })
 }
 
@@ -78,16 +81,16 @@ fn suits(chosen: &ConfiguredCellList, count: u32, spheres: &[Sphere]) -> bool {
         if level == LISTED {
             return is_ordinary;
         }
-        let is_dense = list.has_overfull_cells != 0;
+        let is_overfull = list.has_overfull_cells != 0;
         let first = division.levels_per_side() * division.side(id, spheres.len());
-        let level = first + if is_dense { level } else { 0 };
+        let level = first + if is_overfull { level } else { 0 };
         let has_cells = list.levels >> level & 1 == 1 && radius <= list.level[level].max_radius;
         let lengths = scenario.space.lengths();
         let is_above = || {
             let at = numbers(list, scenario.space, chosen.place(&spheres[id]), level, true);
             (0..3).all(|axis| lengths[axis].is_some() || at[axis] as i32 >= 8)
         };
-        is_ordinary && has_cells && !(is_dense && call.occupancy_slots != 0) && is_above()
+        is_ordinary && has_cells && !(is_overfull && call.occupancy_slots != 0) && is_above()
     };
     count == list.spheres && (0..spheres.len()).all(suits_one)
 }
@@ -150,7 +153,7 @@ impl Reused<'_> {
         let found = call.read::<[u32; 2]>("cell_ranks", SPHERES as usize)?;
         let cells: Vec<u32> = found.into_iter().map(|[cell, _]| cell).collect();
         if suits {
-            let of_each = |fused| chosen.homes(&[u32::MAX], fused).0;
+            let of_each = |fused| chosen.assigned_cells(&[u32::MAX], fused).0;
             ConfiguredCellList::agrees(|| format!("cells: {}", what()), &cells, of_each)?;
         }
         let overflow = call.read_one::<Outcome>("outcome")?.overflow;

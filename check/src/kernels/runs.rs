@@ -47,7 +47,7 @@ impl<'a> Runs<'a> {
         Ok(self.call.run(&k::RUNS_SEARCH_NEAR, Variant::default(), self.groups)?)
     }
 
-    fn search_crowded(&self, variant: Variant) -> Result<(), KernelError> {
+    fn search_far(&self, variant: Variant) -> Result<(), KernelError> {
         self.call.run(&k::RUNS_SEARCH_FAR_DISPATCH_ARGS, variant, 1)?;
         Ok(self.call.run_over(&k::RUNS_SEARCH_FAR, variant, self.call.read_one("dispatch")?)?)
     }
@@ -105,7 +105,7 @@ pub(crate) fn runs_search_far(gpu: &GpuDevice) -> Result<(), KernelError> {
             let near = expected.iter().filter(|pair| pair.j - pair.i <= NEAR).copied().collect();
             let case = |what: &str| format!("{what}, runs of {lengths:?}, {variant:?}");
             same(|| case("near ones"), &runs.pairs()?, &near)?;
-            runs.search_crowded(variant)?;
+            runs.search_far(variant)?;
             same(|| case("all"), &runs.pairs()?, &expected)?;
         }
     }

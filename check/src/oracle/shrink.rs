@@ -38,8 +38,8 @@ pub fn shrink(
                 from += group;
             }
         }
-        let goes_on = group > 1 || best.0.spheres.len() < before;
-        group = if !goes_on { 0 } else { (group / 2).max(1) };
+        let continues = group > 1 || best.0.spheres.len() < before;
+        group = if !continues { 0 } else { (group / 2).max(1) };
     }
     for k in 0..best.0.spheres.len() {
         for rounder in [|_: f32| 0.0, f32::round, |x: f32| (x * 16.0).round() / 16.0] {

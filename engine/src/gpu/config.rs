@@ -18,7 +18,7 @@ pub struct GpuConfig {
     pub(crate) radix_sort_from: u32,
     pub(crate) interactions: Option<Interactions>,
     /// The species of most spheres, if it is known.
-    pub(crate) crowd: Option<u32>,
+    pub(crate) most_frequent: Option<u32>,
     pub(crate) space: Space,
     pub(crate) columns: Option<ColumnLayout>,
     pub(crate) consumer_workgroup_size: u32,
@@ -147,7 +147,7 @@ impl Default for GpuConfig {
             tau: Self::TAU,
             radix_sort_from: Calibration::RADIX_SORT_FROM,
             interactions: None,
-            crowd: None,
+            most_frequent: None,
             space: Space::UNBOUNDED,
             columns: None,
             consumer_workgroup_size: WORKGROUP_SIZE,

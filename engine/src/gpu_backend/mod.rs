@@ -1,5 +1,5 @@
 mod auto_backend;
-mod crowd_species;
+mod frequent_species;
 mod searched_species;
 mod skin_controller;
 mod slab_search;
@@ -17,7 +17,7 @@ use lazygrid_host::{
 };
 use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
-use self::crowd_species::CrowdSpecies;
+use self::frequent_species::FrequentSpecies;
 use self::searched_species::SearchedSpecies;
 use self::skin_controller::SkinController;
 use self::slab_search::{SearchRequest, SlabPairSource, SlabSearch, has_empty_set};
@@ -214,7 +214,7 @@ impl SearchBackend for GpuBackend {
 #[derive(Debug, Default)]
 struct DeviceSpecies {
     searched: SearchedSpecies,
-    crowd: CrowdSpecies,
+    frequent: FrequentSpecies,
 }
 
 #[derive(Debug)]
@@ -224,7 +224,7 @@ struct Device {
 }
 
 impl Device {
-    /// Omits absent species if that reduces radii of others, and follows the crowd, if memory suffices.
+    /// Omits absent species if that reduces radii of others, and follows the most frequent species, if memory suffices.
     fn search_species(
         &mut self,
         species: &mut DeviceSpecies,
@@ -251,17 +251,17 @@ impl Device {
         all: &Interactions,
     ) -> Result<(), Error> {
         let Some(searched) = &self.interactions else { return Ok(()) };
-        let DeviceSpecies { searched: searched_species, crowd } = species;
+        let DeviceSpecies { searched: searched_species, frequent } = species;
         let new = searched_species.next(present, all, searched)?;
         let table = new.as_ref().unwrap_or(searched).clone();
-        let new_crowd = crowd.next(query, &table)?;
-        if new.is_some() || new_crowd.is_some() {
-            let of_sides = new_crowd.or(crowd.searched());
+        let new_frequent = frequent.next(query, &table)?;
+        if new.is_some() || new_frequent.is_some() {
+            let of_sides = new_frequent.or(frequent.searched());
             self.search.session = self.search.session.with_interactions(Some(table.clone()), of_sides)?;
             if new.is_some() {
                 searched_species.record(present, table.species());
             }
-            new_crowd.into_iter().for_each(|species| crowd.record(species));
+            new_frequent.into_iter().for_each(|species| frequent.record(species));
             self.interactions = Some(table);
         }
         Ok(())

@@ -99,8 +99,8 @@ fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
     streamed.sort_unstable();
     assert!(streamed == expected);
     // Coincident spheres cannot be cut.
-    let crowd = vec![Sphere::new([0.0; 3], 1.0); 600_000];
-    let refused = detector.count(&crowd).expect_err("too many");
+    let coincident = vec![Sphere::new([0.0; 3], 1.0); 600_000];
+    let refused = detector.count(&coincident).expect_err("too many");
     assert!(refused.to_string().contains("overlaps too much"), "{refused}");
 }
 
@@ -198,19 +198,23 @@ fn narrow_side_follows_the_crowd_and_loses_no_pair() {
     table.set(1, 1, Interaction::Within(0.0625)).expect("a known species");
     let place = |k: u32| [7, 11, 13].map(|step| (k * step % 1009) as f32 / 128.0);
     let spheres: Vec<_> = (0..3000).map(|k| Sphere::new(place(k), 0.01)).collect();
-    // The species of all but the last ten spheres, and the crowd of the device's sides.
+    // The species of all but the last ten spheres, and that of the device's sides.
     let calls = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 1), (0, 1), (0, 0)];
     for skin in [Skin::Auto, Skin::Off, Skin::Fixed(0.125)] {
         let config = Config::default().algorithm(Algorithm::CellList).skin(skin);
         let config = config.interactions(Some(table.clone()));
         let mut host = Detector::new(config.clone().backend(Backend::Cpu)).expect("made");
         let mut detector = made(gpu.clone(), config);
-        for (call, (most, crowd)) in calls.into_iter().enumerate() {
+        for (call, (most, frequent)) in calls.into_iter().enumerate() {
             let ids: Vec<u32> = (0..3000).map(|k| if k < 2990 { most } else { 1 - most }).collect();
             let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
             let expected = host.pairs(given).expect("valid").to_vec();
             assert!(detector.pairs(given).expect("found") == expected, "{skin:?}, call {call}");
-            assert_eq!(detector.backend().species.crowd.searched(), Some(crowd), "{skin:?}, call {call}");
+            assert_eq!(
+                detector.backend().species.frequent.searched(),
+                Some(frequent),
+                "{skin:?}, call {call}"
+            );
         }
     }
 }

@@ -47,7 +47,7 @@ impl<S: Sink> SimdTask for ChunkSearch<'_, S> {
             sink,
             runs: RunQueue::new(),
             hits: HitQueue::new(),
-            is_crowded: false,
+            has_many_hits: false,
         };
         for level in &list.levels {
             let members = range.start.max(level.members.start)..range.end.min(level.members.end);
@@ -117,7 +117,7 @@ struct Finder<'p, V, S> {
     sink: &'p mut S,
     runs: RunQueue,
     hits: HitQueue,
-    is_crowded: bool,
+    has_many_hits: bool,
 }
 
 impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
@@ -249,9 +249,10 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
 
     #[inline(always)]
     fn work(&mut self) {
-        let Self { vector, list, test, ref mut sink, ref mut runs, ref mut hits, ref mut is_crowded } = *self;
+        let Self { vector, list, test, ref mut sink, ref mut runs, ref mut hits, ref mut has_many_hits } =
+            *self;
         let input = ScanInput { columns: &list.columns, test };
-        vector.call(Scan { input, runs, hits, is_crowded, sink: *sink }, vector);
+        vector.call(Scan { input, runs, hits, has_many_hits, sink: *sink }, vector);
     }
 }
 
@@ -259,7 +260,7 @@ struct Scan<'f, S> {
     input: ScanInput<'f>,
     runs: &'f mut RunQueue,
     hits: &'f mut HitQueue,
-    is_crowded: &'f mut bool,
+    has_many_hits: &'f mut bool,
     sink: &'f mut S,
 }
 
@@ -268,9 +269,9 @@ impl<S: Sink> SimdTask for Scan<'_, S> {
 
     #[inline(always)]
     fn run<V: SimdWidth>(self, vector: V) {
-        let Self { input, runs, hits, is_crowded, sink } = self;
+        let Self { input, runs, hits, has_many_hits, sink } = self;
         let mut hit_vectors = 0;
-        if *is_crowded {
+        if *has_many_hits {
             for k in 0..runs.len() {
                 hits.scan(vector, input, runs.get(k), sink);
             }
@@ -281,7 +282,7 @@ impl<S: Sink> SimdTask for Scan<'_, S> {
                 hit_vectors += scan(vector, input, at, run, sink);
             }
         }
-        *is_crowded = hit_vectors > runs.len() / RUNS_PER_HIT;
+        *has_many_hits = hit_vectors > runs.len() / RUNS_PER_HIT;
         runs.clear();
     }
 }

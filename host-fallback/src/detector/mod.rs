@@ -112,18 +112,18 @@ impl SearchBackend for HostBackend {
         let mut task = || {
             state.report = Report { spheres: query.len() as u64, ..Report::default() };
             let executor = if is_large { team.executor()? } else { Executor::Caller };
-            let (mut lapsed, mut prepared) = (None, None);
+            let (mut rebuild_reason, mut prepared) = (None, None);
             let has_same_species = state.skin.candidates.have_species_of(query, buffers.version());
             if has_same_species {
                 prepared = buffers.prepare_in_place(query, settings, executor)?;
                 if let Some(in_place) = &prepared {
                     let input = in_place.input;
                     let spheres = CallSpheres { test: &in_place.test(settings), input, has_same_species };
-                    lapsed = state.advance(settings, spheres, executor)?;
+                    rebuild_reason = state.advance(settings, spheres, executor)?;
                 }
             }
             let is_advanced = prepared.is_some();
-            let prepared = match prepared.filter(|_| lapsed.is_none()) {
+            let prepared = match prepared.filter(|_| rebuild_reason.is_none()) {
                 Some(prepared) => prepared,
                 None => {
                     let preparation =
@@ -134,9 +134,9 @@ impl SearchBackend for HostBackend {
             let test = prepared.test(settings);
             if !is_advanced {
                 let spheres = CallSpheres { test: &test, input: None, has_same_species };
-                lapsed = state.advance(settings, spheres, executor)?;
+                rebuild_reason = state.advance(settings, spheres, executor)?;
             }
-            let stats = match (lapsed, state.skin.candidates.input_stats()) {
+            let stats = match (rebuild_reason, state.skin.candidates.input_stats()) {
                 (None, Some(stats)) => stats.clone(),
                 _ => {
                     let stats = state.report.time("survey", || InputStats::from_test(&test, executor));
@@ -147,7 +147,7 @@ impl SearchBackend for HostBackend {
             let test = test.with_radii_up_to(stats.largest_radius());
             let (simd, split, groups) = (settings.simd, prepared.split, prepared.groups);
             let mut input = SearchInput { test, stats, settings, simd, executor, split, groups };
-            state.build(&mut input, lapsed)?;
+            state.build(&mut input, rebuild_reason)?;
             if is_large || state.is_short(&input) {
                 work(&mut Built { state, input: &input })
             } else {

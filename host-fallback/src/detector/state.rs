@@ -52,9 +52,9 @@ impl DetectorState {
     pub(crate) fn build(
         &mut self,
         input: &mut SearchInput<'_>,
-        lapsed: Option<RebuildReason>,
+        rebuild_reason: Option<RebuildReason>,
     ) -> Result<(), Error> {
-        self.from_candidates = lapsed.is_none();
+        self.from_candidates = rebuild_reason.is_none();
         if self.from_candidates {
             self.report.algorithm = Algorithm::CellList;
         } else {
@@ -73,10 +73,10 @@ impl DetectorState {
             input.test.decided_by_radii();
         }
         if self.from_candidates {
-            let stats = self.skin.candidates.stats(lapsed);
+            let stats = self.skin.candidates.stats(rebuild_reason);
             self.report.candidates = Some(stats);
             let CandidateListStats { count, age, .. } = stats;
-            self.report.reason = match lapsed {
+            self.report.reason = match rebuild_reason {
                 None => format!("cell-list: {count} candidates of {age} calls ago"),
                 Some(why) => format!("{}; {count} candidates were found: {why}", self.report.reason),
             };

@@ -27,9 +27,9 @@ impl SkinController {
         if settings.skin == Skin::Auto {
             self.tuner.observe(spheres)?;
         }
-        let lapsed = self.candidates.update_displacements(spheres, list, settings.simd, executor);
-        self.tuner.record_age(self.candidates.age(), lapsed);
-        Ok(lapsed)
+        let rebuild_reason = self.candidates.revalidate(spheres, list, settings.simd, executor);
+        self.tuner.record_age(self.candidates.age(), rebuild_reason);
+        Ok(rebuild_reason)
     }
 
     /// Builds a candidate list and returns `true` if it pays, otherwise only the cell list.

@@ -54,11 +54,11 @@ impl SkinTuner {
     }
 
     /// Records the age of the list in calls, the largest used fraction of a limit, and the reason for a rebuild.
-    pub fn record_age(&mut self, (age, moved): (u32, f32), lapsed: Option<RebuildReason>) {
+    pub fn record_age(&mut self, (age, moved): (u32, f32), rebuild_reason: Option<RebuildReason>) {
         if age == 1 {
             self.first = moved;
         }
-        if let (Some(RebuildReason::Displacement), Some(choice)) = (lapsed, &self.choice) {
+        if let (Some(RebuildReason::Displacement), Some(choice)) = (rebuild_reason, &self.choice) {
             self.displacements.learn(self.first * choice.skin, age, moved * choice.skin);
             // A list that lasted about as predicted is not reconsidered soon.
             let is_as_expected = AS_EXPECTED.contains(&(age as f32 / (choice.calls + 1.0)));
@@ -182,10 +182,10 @@ mod tests {
             tuner.look((&spheres).into(), None, space).expect("there is memory");
             if let Some(skin) = held {
                 (age, gone) = (age + 1, gone + step);
-                let lapsed = (gone > skin / 2.0).then_some(RebuildReason::Displacement);
-                tuner.record_age((age, gone / (skin / 2.0)), lapsed);
-                served += u32::from(lapsed.is_none());
-                held = held.filter(|_| lapsed.is_none());
+                let rebuild_reason = (gone > skin / 2.0).then_some(RebuildReason::Displacement);
+                tuner.record_age((age, gone / (skin / 2.0)), rebuild_reason);
+                served += u32::from(rebuild_reason.is_none());
+                held = held.filter(|_| rebuild_reason.is_none());
             }
             if held.is_none() {
                 held = tuner.skin((&spheres).into(), None, space, costs).expect("valid");

@@ -9,7 +9,7 @@ pub const SCAN_TILE: u32 = WORKGROUP_SIZE * SCAN_ITEMS;
 /// Spheres that one workgroup of `bounds_reduce` reads.
 pub const BOUNDS_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
 /// Counters that one workgroup of `occupancy_clear` clears.
-pub const DENSITY_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
+pub const OCCUPANCY_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
 pub const DEPTHS: u32 = 32;
 pub const DIGIT_BITS: u32 = 8;
 /// Maximum objects that entries can refer to: three bits of an entry's word mark the axes on which the object begins.

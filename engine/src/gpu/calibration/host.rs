@@ -3,7 +3,7 @@ use std::time::{Duration, Instant};
 use lazygrid_host::{HostDetector, Settings, Skin};
 use lazygrid_kernels::{Sphere, Spheres};
 
-use super::measure::{ROUNDS, SIZES, crossing, race, time};
+use super::measure::{ROUNDS, SIZES, compare_times, crossing, time};
 use crate::Error;
 use crate::gpu::config::GpuConfig;
 use crate::gpu::costs::Crossover;
@@ -18,11 +18,11 @@ pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from
     let mut session = GpuSession::new(gpu.clone(), config)?;
     let mut host = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })?;
     let times = |scene: &[Sphere]| Ok([time_on_host(&mut host, scene)?, time(&mut session, scene)?]);
-    let goes_on = |spheres, least: [Duration; 2]| {
+    let continues = |spheres, least: [Duration; 2]| {
         log::debug!("{spheres} spheres on the CPU and on the device: {least:?}");
         least[1] <= MAX_SAMPLE_TIME
     };
-    let samples = race(&SIZES, 1, ROUNDS, times, goes_on)?;
+    let samples = compare_times(&SIZES, 1, ROUNDS, times, continues)?;
     Ok(match &samples[..] {
         [.., from, to @ (_, [on_host, on_device])] if on_host < on_device => crossing_beyond(from, to),
         [(_, [on_host, on_device])] if on_host < on_device => u32::MAX,

@@ -27,14 +27,14 @@ pub(super) fn rounds_up_to(most: usize) -> impl Iterator<Item = usize> {
     (0..most).take_while(move |&round| round < 3 || start.elapsed() < ROUNDS_TIME)
 }
 
-/// Returns the fastest times for growing scenes, until the second algorithm is clearly faster or `goes_on` returns
+/// Returns the fastest times for growing scenes, until the second algorithm is clearly faster or `continues` returns
 /// `false`.
-pub(super) fn race(
+pub(super) fn compare_times(
     sizes: &[u32],
     classes: usize,
     rounds: usize,
     mut times: impl FnMut(&[Sphere]) -> Result<[Duration; 2], Error>,
-    mut goes_on: impl FnMut(u32, [Duration; 2]) -> bool,
+    mut continues: impl FnMut(u32, [Duration; 2]) -> bool,
 ) -> Result<Vec<(u32, [Duration; 2])>, Error> {
     let mut samples = Vec::new();
     for &spheres in sizes {
@@ -47,7 +47,7 @@ pub(super) fn race(
         }
         samples.push((spheres, least));
         let [first, second] = least.map(|time| time.as_secs_f64());
-        if !goes_on(spheres, least) || second < first * CLEAR_TIME_RATIO {
+        if !continues(spheres, least) || second < first * CLEAR_TIME_RATIO {
             break;
         }
     }

@@ -13,15 +13,15 @@ use super::device::GpuDevice;
 use super::session::GpuSession;
 use crate::Error;
 use crate::gpu::choice::LARGE_INPUT_ALGORITHM;
-use measure::{ROUNDS, SIZES, crossing, race, time};
+use measure::{ROUNDS, SIZES, compare_times, crossing, time};
 
 /// Equal radii, and the classes of the paper's figure 3b.
 const CLASSES: [usize; 2] = [1, 5];
 
 /// Minimum and maximum spheres in a crowded cell.
-const CROWD: [u32; 2] = [2048, 1 << 18];
-const CROWD_TIME: Duration = Duration::from_millis(50);
-const CROWD_ROUNDS: usize = 3;
+const COINCIDENT_SPHERES: [u32; 2] = [2048, 1 << 18];
+const MAX_CROWDED_TIME: Duration = Duration::from_millis(50);
+const CROWDED_ROUNDS: usize = 3;
 
 /// The fastest of several calls, with upload and readback.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,11 +51,11 @@ pub fn calibrate(gpu: &GpuDevice, mut seen: impl FnMut(&CrossoverSample)) -> Res
     let [one, five] = CLASSES.map(|classes| -> Result<Vec<(u32, [Duration; 2])>, Error> {
         let [mut naive, mut grid] = [session(gpu, Algorithm::Naive)?, session(gpu, LARGE_INPUT_ALGORITHM)?];
         let times = |scene: &[Sphere]| Ok([time(&mut naive, scene)?, time(&mut grid, scene)?]);
-        let goes_on = |spheres, [naive, grid]: [Duration; 2]| {
+        let continues = |spheres, [naive, grid]: [Duration; 2]| {
             seen(&CrossoverSample { classes, spheres, naive, grid });
             true
         };
-        race(&SIZES, classes, ROUNDS, times, goes_on)
+        compare_times(&SIZES, classes, ROUNDS, times, continues)
     });
     let (one, five) = (one?, five?);
     let naive = one.first().zip(one.last()).and_then(|ends| rate(ends.into(), |times| times[0]));
@@ -81,7 +81,7 @@ fn session(gpu: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, Error> {
 }
 
 fn warm_up(gpu: &GpuDevice) -> Result<(), Error> {
-    let scene = vec![Sphere::new([0.0; 3], 1.0); CROWD[0] as usize];
+    let scene = vec![Sphere::new([0.0; 3], 1.0); COINCIDENT_SPHERES[0] as usize];
     let mut session = session(gpu, Algorithm::Naive)?;
     let start = Instant::now();
     while start.elapsed() < WARM_UP {
@@ -95,8 +95,9 @@ fn warm_up(gpu: &GpuDevice) -> Result<(), Error> {
 fn slowest_rate(gpu: &GpuDevice, naive: Option<f64>) -> Result<f64, Error> {
     let mut grid = session(gpu, LARGE_INPUT_ALGORITHM)?;
     let crowded = crowded_rate(|spheres| {
-        let crowd = vec![Sphere::new([0.0; 3], 1.0); spheres as usize];
-        let times = (0..CROWD_ROUNDS).map(|_| time(&mut grid, &crowd)).collect::<Result<Vec<_>, _>>()?;
+        let coincident = vec![Sphere::new([0.0; 3], 1.0); spheres as usize];
+        let times =
+            (0..CROWDED_ROUNDS).map(|_| time(&mut grid, &coincident)).collect::<Result<Vec<_>, _>>()?;
         Ok(times.into_iter().min().unwrap_or_default())
     })?;
     log::debug!("distance tests per second of all pairs {naive:?}, in a crowded cell {crowded:?}");
@@ -104,14 +105,14 @@ fn slowest_rate(gpu: &GpuDevice, naive: Option<f64>) -> Result<f64, Error> {
     Ok([naive, crowded].into_iter().flatten().reduce(f64::min).unwrap_or(assumed))
 }
 
-/// Doubles the crowd until its search takes [`CROWD_TIME`]. A size derived from the rate of few spheres could take
-/// minutes: noise can make that rate far too high.
+/// Doubles the number of coincident spheres until a search takes [`MAX_CROWDED_TIME`]. A size derived from the rate of
+/// few spheres could take minutes: noise can make that rate far too high.
 fn crowded_rate(mut time: impl FnMut(u32) -> Result<Duration, Error>) -> Result<Option<f64>, Error> {
-    let mut samples = [(CROWD[0], time(CROWD[0])?); 2];
-    while samples[1].0 < CROWD[1] {
+    let mut samples = [(COINCIDENT_SPHERES[0], time(COINCIDENT_SPHERES[0])?); 2];
+    while samples[1].0 < COINCIDENT_SPHERES[1] {
         let spheres = 2 * samples[1].0;
         samples[1] = (spheres, time(spheres)?);
-        if samples[1].1 >= CROWD_TIME {
+        if samples[1].1 >= MAX_CROWDED_TIME {
             break;
         }
     }
@@ -132,11 +133,13 @@ mod tests {
 
     #[test]
     fn crowds_grow_no_further_than_their_time() {
-        for (tests_per_second, most) in [(1e7, 2 * CROWD[0]), (2e9, 16_384), (1e15, CROWD[1])] {
+        for (tests_per_second, most) in
+            [(1e7, 2 * COINCIDENT_SPHERES[0]), (2e9, 16_384), (1e15, COINCIDENT_SPHERES[1])]
+        {
             let mut spheres = Vec::new();
-            let found = crowded_rate(|crowd| {
-                spheres.push(crowd);
-                Ok(Duration::from_secs_f64(1e-3 + f64::from(crowd).powi(2) / 2.0 / tests_per_second))
+            let found = crowded_rate(|coincident| {
+                spheres.push(coincident);
+                Ok(Duration::from_secs_f64(1e-3 + f64::from(coincident).powi(2) / 2.0 / tests_per_second))
             });
             assert_eq!(spheres.last(), Some(&most), "{spheres:?}");
             let found = found.expect("no device fails").expect("times differ");

@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use lazygrid_kernels::{Algorithm, Sphere};
 
-use super::measure::{crossing, race, time};
+use super::measure::{compare_times, crossing, time};
 use crate::Error;
 use crate::gpu::config::GpuConfig;
 use crate::gpu::costs::AdapterProfile;
@@ -22,11 +22,11 @@ pub(super) fn radix_sort_from(gpu: &GpuDevice) -> Result<u32, Error> {
         let [counted, sorted] = &mut sessions;
         Ok([busy(counted, scene)?, busy(sorted, scene)?])
     };
-    let goes_on = |spheres, least: [Duration; 2]| {
+    let continues = |spheres, least: [Duration; 2]| {
         log::debug!("{spheres} spheres by counting and by radix: {least:?}");
         least[0] <= MAX_SAMPLE_TIME
     };
-    let samples = race(&SIZES, 1, ROUNDS, times, goes_on)?;
+    let samples = compare_times(&SIZES, 1, ROUNDS, times, continues)?;
     let assumed = AdapterProfile::assumed(&gpu.adapter).radix_sort_from;
     let counting_wins = samples.last().is_some_and(|(_, [counted, sorted])| counted < sorted);
     Ok(crossing(&samples, MOST).max(if counting_wins { assumed } else { 0 }))

@@ -15,7 +15,7 @@ impl Tables {
     pub(crate) fn new(device: &wgpu::Device, config: &GpuConfig) -> Result<Option<Self>, Error> {
         let Some(interactions) = &config.interactions else { return Ok(None) };
         let most_bytes = device.limits().max_storage_buffer_binding_size;
-        let bytes = TableBytes::new(interactions, config.crowd, most_bytes)?;
+        let bytes = TableBytes::new(interactions, config.most_frequent, most_bytes)?;
         Ok(Some(Self {
             species_params: constant_buffer(device, "reach by species", &bytes.species_params)?,
             species_params_by_side: constant_buffer(

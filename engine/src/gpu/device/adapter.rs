@@ -73,9 +73,9 @@ impl AdapterId {
     ///
     /// # Errors
     /// [`Error::UnknownAdapter`] if no adapter or several match.
-    pub fn place_in(&self, found: &[AdapterSummary]) -> Result<usize, Error> {
+    pub fn index_in(&self, found: &[AdapterSummary]) -> Result<usize, Error> {
         let named = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
-            (0..found.len()).filter(|&place| fits(&found[place].name.to_lowercase())).collect()
+            (0..found.len()).filter(|&index| fits(&found[index].name.to_lowercase())).collect()
         };
         let matches = match self {
             Self::Index(index) => (*index..found.len()).take(1).collect(),
@@ -89,18 +89,18 @@ impl AdapterId {
             }
         };
         // One GPU may be found once per API, the preferred one first.
-        let is_one_gpu = |places: &[usize]| {
-            let apis: Vec<&str> = places.iter().map(|&place| &*found[place].api).collect();
+        let is_one_gpu = |indices: &[usize]| {
+            let apis: Vec<&str> = indices.iter().map(|&index| &*found[index].api).collect();
             let is_repeated = |(k, api): (usize, &&str)| apis[..k].contains(api);
-            places.iter().all(|&place| found[place].name == found[places[0]].name)
+            indices.iter().all(|&index| found[index].name == found[indices[0]].name)
                 && !apis.iter().enumerate().any(is_repeated)
         };
         // A blank is a part of every name, also of an only one.
         let is_blank = matches!(self, Self::Name(name) if name.trim().is_empty());
-        if let Some(&place) = matches.first().filter(|_| is_one_gpu(&matches) && !is_blank) {
-            return Ok(place);
+        if let Some(&index) = matches.first().filter(|_| is_one_gpu(&matches) && !is_blank) {
+            return Ok(index);
         }
-        let one = |place: usize| format!("{place} {} ({})", found[place].name, found[place].api);
+        let one = |index: usize| format!("{index} {} ({})", found[index].name, found[index].api);
         let available = (0..found.len()).map(one).collect::<Vec<_>>().join(", ");
         Err(Error::UnknownAdapter { requested: self.to_string(), matches: matches.len(), available })
     }
@@ -207,8 +207,8 @@ mod tests {
             ("radeon", Err(0)),
             ("", Err(5)),
         ] {
-            match (AdapterId::from(requested).place_in(&found), expected) {
-                (Ok(place), Ok(expected)) => assert_eq!(place, expected, "{requested}"),
+            match (AdapterId::from(requested).index_in(&found), expected) {
+                (Ok(index), Ok(expected)) => assert_eq!(index, expected, "{requested}"),
                 (Err(error), Err(how_many)) => {
                     let text = error.to_string();
                     assert!(
@@ -221,13 +221,13 @@ mod tests {
             }
         }
         for blank in ["", " "] {
-            assert!(AdapterId::from(blank).place_in(&[card("Card 1")]).is_err(), "'{blank}'");
+            assert!(AdapterId::from(blank).index_in(&[card("Card 1")]).is_err(), "'{blank}'");
         }
         let twins = ["Card", "Card"].map(card);
-        assert!(AdapterId::from("card").place_in(&twins).is_err());
-        assert_eq!(AdapterId::from(1).place_in(&twins), Ok(1));
+        assert!(AdapterId::from("card").index_in(&twins).is_err());
+        assert_eq!(AdapterId::from(1).index_in(&twins), Ok(1));
         let by_two_apis =
             ["vulkan", "dx12"].map(|api| AdapterSummary { api: api.to_owned(), ..card("Card") });
-        assert_eq!(AdapterId::from("card").place_in(&by_two_apis), Ok(0));
+        assert_eq!(AdapterId::from("card").index_in(&by_two_apis), Ok(0));
     }
 }

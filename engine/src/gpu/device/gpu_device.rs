@@ -68,7 +68,7 @@ impl GpuDevice {
             return Err(Error::NoAdapter { reason: "none is installed".to_owned() });
         }
         let summaries: Vec<_> = found.iter().map(summary).collect();
-        Self::open_on(&found[id.place_in(&summaries)?])
+        Self::open_on(&found[id.index_in(&summaries)?])
     }
 
     fn open_on(adapter: &wgpu::Adapter) -> Result<Self, Error> {

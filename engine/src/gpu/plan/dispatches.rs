@@ -84,7 +84,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         dispatches = cell_list::dispatches(plan);
     } else {
         if plan.split_policy == SplitPolicy::Dense {
-            let groups = (2 * plan.occupancy_slots).div_ceil(k::DENSITY_TILE);
+            let groups = (2 * plan.occupancy_slots).div_ceil(k::OCCUPANCY_TILE);
             dispatches.push(dispatch(&k::OCCUPANCY_CLEAR, groups, GpuPhase::Entries));
         }
         dispatches.push(dispatch(&k::CELLS_FIND, per_sphere, GpuPhase::Entries));

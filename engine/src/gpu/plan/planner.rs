@@ -66,7 +66,8 @@ impl Planner {
     pub fn plan(&self, spheres: u32) -> Result<CallPlan, Error> {
         let Self { config, limits, .. } = self;
         let sized = self.sized(spheres)?;
-        let table = |interactions| TableBytes::new(interactions, config.crowd, limits.storage_binding);
+        let table =
+            |interactions| TableBytes::new(interactions, config.most_frequent, limits.storage_binding);
         let tables = config.interactions.as_ref().map(table).transpose()?;
         let call = sized.call(&CallSettings {
             config,

@@ -51,9 +51,9 @@ impl SidePartners {
 
 impl Sides {
     /// Returns the sides with the fewest comparisons, assuming equally frequent species. Of narrow groups that pair
-    /// with each other, that of `crowd`, the species of most spheres, has a narrow side.
-    pub(crate) fn new(table: &Interactions, crowd: Option<u32>) -> Self {
-        let groups = PairingGroups::from_table(table, crowd);
+    /// with each other, that of `most_frequent`, the species of most spheres, has a narrow side.
+    pub(crate) fn new(table: &Interactions, most_frequent: Option<u32>) -> Self {
+        let groups = PairingGroups::from_table(table, most_frequent);
         let species = || 0..table.species();
         let division = groups.divide();
         let of_species: Vec<Option<u8>> =
@@ -80,8 +80,8 @@ impl Sides {
         Self { of_species, one_set, two_sets }
     }
 
-    pub(crate) fn narrow_species(table: &Interactions, crowd: Option<u32>) -> Vec<bool> {
-        let groups = PairingGroups::from_table(table, crowd);
+    pub(crate) fn narrow_species(table: &Interactions, most_frequent: Option<u32>) -> Vec<bool> {
+        let groups = PairingGroups::from_table(table, most_frequent);
         let is_narrow = |group: &Option<usize>| group.is_some_and(|group| groups.is_narrow(group));
         groups.of_species.iter().map(is_narrow).collect()
     }
@@ -114,13 +114,21 @@ struct PairingGroups {
 type Division = [u8; MAX_SIDES];
 
 impl PairingGroups {
-    fn from_table(table: &Interactions, crowd: Option<u32>) -> Self {
+    fn from_table(table: &Interactions, most_frequent: Option<u32>) -> Self {
         let [by_partners, by_distance] = SpeciesPartition::from_table(table);
-        let by_distance = Self::from_partition(&by_distance, table, crowd);
-        if by_distance.narrow == 0 { Self::from_partition(&by_partners, table, crowd) } else { by_distance }
+        let by_distance = Self::from_partition(&by_distance, table, most_frequent);
+        if by_distance.narrow == 0 {
+            Self::from_partition(&by_partners, table, most_frequent)
+        } else {
+            by_distance
+        }
     }
 
-    fn from_partition(partition: &SpeciesPartition, table: &Interactions, crowd: Option<u32>) -> Self {
+    fn from_partition(
+        partition: &SpeciesPartition,
+        table: &Interactions,
+        most_frequent: Option<u32>,
+    ) -> Self {
         let active: Vec<usize> = (0..partition.count()).filter(|&group| !partition.is_idle(group)).collect();
         let position = |of: u32| active.iter().position(|&group| group == partition.group_of(of));
         let of_species: Vec<Option<usize>> = (0..table.species()).map(position).collect();
@@ -132,8 +140,8 @@ impl PairingGroups {
             of_species,
             narrow: 0,
         };
-        let crowd = crowd.and_then(|species| groups.of_species[species as usize]);
-        let narrow = groups.narrow(crowd, |group| partition.narrowness(active[group]));
+        let most_frequent = most_frequent.and_then(|species| groups.of_species[species as usize]);
+        let narrow = groups.narrow(most_frequent, |group| partition.narrowness(active[group]));
         Self { narrow, ..groups }
     }
 
@@ -145,12 +153,12 @@ impl PairingGroups {
         self.narrow >> group & 1 == 1
     }
 
-    /// Returns the narrow groups, one bit each. If two of them pair, `crowd` stays, or else the narrower one.
-    fn narrow(&self, crowd: Option<usize>, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
+    /// Returns the narrow groups, one bit each. If two of them pair, `most_frequent` stays, or else the narrower one.
+    fn narrow(&self, most_frequent: Option<usize>, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
         let narrow = |group| Some((narrowness(group).filter(|of| *of < MAX_NARROW)?, group));
         let mut groups: Vec<(f64, usize)> = (0..self.count()).filter_map(narrow).collect();
         groups.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        groups.sort_by_key(|&(_, group)| Some(group) != crowd);
+        groups.sort_by_key(|&(_, group)| Some(group) != most_frequent);
         groups.iter().fold(0, |narrow, &(_, group)| match self.partners[group] & narrow {
             0 => narrow | 1 << group,
             _ => narrow,
@@ -166,7 +174,7 @@ impl PairingGroups {
 
     /// Returns `true` if no group without pairs of its own is on a side that is compared with itself. Such comparisons
     /// grow with the square of the spheres, for no pair.
-    fn separates_crowds(&self, division: &Division, partners: &[u8]) -> bool {
+    fn separates_groups_without_pairs(&self, division: &Division, partners: &[u8]) -> bool {
         let is_compared = |side: u8| partners[usize::from(side)] >> side & 1 == 1;
         (0..self.count()).all(|group| self.partners[group] >> group & 1 == 1 || !is_compared(division[group]))
     }
@@ -178,7 +186,7 @@ impl PairingGroups {
         for division in divisions(self.count()).into_iter().filter(|of| self.separates_narrow(of)) {
             let partners = self.side_partners(&division);
             let (cost, of_this_many) = (self.comparisons(&division, &partners), &mut best[partners.len()]);
-            if cost < of_this_many.0 && self.separates_crowds(&division, &partners) {
+            if cost < of_this_many.0 && self.separates_groups_without_pairs(&division, &partners) {
                 *of_this_many = (cost, division);
             }
         }

@@ -17,7 +17,7 @@ pub(crate) struct TableBytes {
 impl TableBytes {
     pub(crate) fn new(
         interactions: &Interactions,
-        crowd: Option<u32>,
+        most_frequent: Option<u32>,
         storage_binding: u64,
     ) -> Result<Self, Error> {
         let species = interactions.species();
@@ -26,7 +26,7 @@ impl TableBytes {
             let (what, remedy) = ("the interaction table", "merge species");
             return Err(Error::LimitExceeded { what, needed: bytes, limit: storage_binding, remedy });
         }
-        let sides = Sides::new(interactions, crowd);
+        let sides = Sides::new(interactions, most_frequent);
         let flags = |side: Option<u8>| match side {
             Some(side) => u32::from(side) << SpeciesParams::SIDE_SHIFT,
             None => SpeciesParams::IDLE,

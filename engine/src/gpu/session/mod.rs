@@ -124,10 +124,10 @@ impl GpuSession {
     pub(crate) fn with_interactions(
         &self,
         interactions: Option<Interactions>,
-        crowd: Option<u32>,
+        most_frequent: Option<u32>,
     ) -> Result<Self, Error> {
         let settings = self.detector.settings().clone().interactions(interactions);
-        let settings = GpuConfig { crowd, ..settings };
+        let settings = GpuConfig { most_frequent, ..settings };
         let mut session = Self::new(self.gpu.clone(), settings)?;
         session.detector.restore_capacities(self.detector.capacities());
         (session.timeout, session.expected) = (self.timeout, self.expected);

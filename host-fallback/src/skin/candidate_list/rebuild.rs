@@ -15,7 +15,7 @@ const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
 impl CandidateList {
     /// Returns the reason for a rebuild; `None` for a valid list. Drops an invalid list before the call can fail, so
     /// that no later call uses it.
-    pub(crate) fn update_displacements(
+    pub(crate) fn revalidate(
         &mut self,
         current: CallSpheres<'_>,
         list: &CellList,

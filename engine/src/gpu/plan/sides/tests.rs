@@ -43,7 +43,7 @@ fn species_of_disjoint_pairs_have_a_side_each() {
     assert_eq!(sides_of(&table(4, &distances)).one_set.interaction, SearchParams::BY_SPECIES);
 }
 
-fn crowds_compared_in_vain(table: &Interactions) -> Vec<u32> {
+fn species_compared_in_vain(table: &Interactions) -> Vec<u32> {
     let sides = sides_of(table);
     let is_compared = |side: u8| sides.one_set.of_side[usize::from(side)] >> side & 1 == 1;
     let on_compared_side = |of: &u32| sides.of_species[*of as usize].is_some_and(is_compared);
@@ -58,7 +58,7 @@ fn species_beyond_the_most_groups_share_sides_that_never_meet_themselves() {
         let with_one = (0..2 * pairs).map(|of| (of, 2 * pairs, TOUCH));
         let partner_of_all: Vec<_> = disjoint.iter().copied().chain(with_one).collect();
         for table in [table(2 * pairs, &disjoint), table(2 * pairs + 1, &partner_of_all)] {
-            assert_eq!(crowds_compared_in_vain(&table), [], "{pairs} pairs");
+            assert_eq!(species_compared_in_vain(&table), [], "{pairs} pairs");
             assert_eq!(sides_of(&table).one_set.interaction, SearchParams::BY_SPECIES);
         }
     }
@@ -119,11 +119,15 @@ fn species_with_a_distant_partner_is_a_narrow_side() {
 fn narrow_sides_never_pair_with_each_other() {
     let within = |distance| Interaction::Within(distance);
     let table = table(2, &[(0, 0, within(0.5)), (0, 1, within(8.0)), (1, 1, within(0.25))]);
-    for (crowd, narrow) in [(None, 0b10), (Some(0), 0b01), (Some(1), 0b10)] {
-        let sides = Sides::new(&table, crowd);
+    for (most_frequent, narrow) in [(None, 0b10), (Some(0), 0b01), (Some(1), 0b10)] {
+        let sides = Sides::new(&table, most_frequent);
         let found = (sides.of_species, sides.one_set.narrow);
-        assert_eq!(found, (vec![Some(0), Some(1)], narrow), "the narrower one, unless it is not {crowd:?}");
-        assert_eq!(Sides::narrow_species(&table, crowd), [0b01, 0b10].map(|side| side == narrow));
+        assert_eq!(
+            found,
+            (vec![Some(0), Some(1)], narrow),
+            "the narrower one, unless it is not {most_frequent:?}"
+        );
+        assert_eq!(Sides::narrow_species(&table, most_frequent), [0b01, 0b10].map(|side| side == narrow));
     }
 }
 
@@ -147,7 +151,7 @@ fn species_that_never_meets_itself_is_on_no_side_that_does() {
         for first in 1..=species {
             let mut table = Interactions::new(species, TOUCH).expect("a table");
             (0..first).for_each(|of| table.set(of, of, Interaction::Never).expect("a species of the table"));
-            assert_eq!(crowds_compared_in_vain(&table), [], "{first} of {species}");
+            assert_eq!(species_compared_in_vain(&table), [], "{first} of {species}");
         }
     }
 }
@@ -177,7 +181,7 @@ fn random_tables_have_sides_for_all_their_pairs() {
         let sides = sides_of(&table);
         narrow += sides.one_set.narrow.count_ones();
         if species <= CellListLayout::MAX_SIDES as u32 {
-            assert_eq!(crowds_compared_in_vain(&table), [], "{table:?}");
+            assert_eq!(species_compared_in_vain(&table), [], "{table:?}");
         }
         let all: Vec<u32> = (0..species).collect();
         for (a, b) in product(&all, &all).filter(|&(a, b)| table.get(a, b) != Interaction::Never) {

@@ -1,5 +1,5 @@
 //! The species of most spheres. A device keeps small cells for one of several narrow groups that pair with each
-//! other, which should be that of a crowd.
+//! other, which should be that of the most frequent species.
 
 use lazygrid_host::sample_species;
 use lazygrid_kernels::{Interactions, Query, try_reserve};
@@ -7,26 +7,26 @@ use lazygrid_kernels::{Interactions, Query, try_reserve};
 use crate::Error;
 use crate::gpu::plan::Sides;
 
-/// A species replaces the crowd only at or above this ratio of their numbers, because other sides need new buffers on
-/// the device.
+/// A species replaces the last most frequent one only at or above this ratio of their numbers, because other sides need
+/// new buffers on the device.
 const MIN_RATIO: f64 = 4.0;
 const MAX_PATIENCE: u32 = 255;
 
 #[derive(Debug, Default)]
-pub(super) struct CrowdSpecies {
+pub(super) struct FrequentSpecies {
     searched: Option<u32>,
     waited: u32,
-    /// Value of `waited` at which the crowd changes; it doubles with each change.
+    /// Value of `waited` at which the species changes; it doubles with each change.
     patience: u32,
     counts: Vec<f64>,
 }
 
-impl CrowdSpecies {
+impl FrequentSpecies {
     pub(super) fn searched(&self) -> Option<u32> {
         self.searched
     }
 
-    /// Returns a new crowd that needs other sides. The device must accept these before the crowd is
+    /// Returns a new most frequent species that needs other sides. The device must accept these before it is
     /// [recorded](Self::record).
     pub(super) fn next(&mut self, query: &Query<'_>, table: &Interactions) -> Result<Option<u32>, Error> {
         let Self { searched, waited, patience, counts } = self;
@@ -35,9 +35,9 @@ impl CrowdSpecies {
         counts.resize(table.species() as usize, 0.0);
         sample_species(query, |species, spheres| counts[species as usize] += spheres);
         let most = (0..).zip(&*counts).max_by(|(_, a), (_, b)| a.total_cmp(b));
-        let Some((crowd, &spheres)) = most else { return Ok(None) };
+        let Some((most_frequent, &spheres)) = most else { return Ok(None) };
         let of_searched = searched.map_or(0.0, |species| counts[species as usize]);
-        if *searched == Some(crowd) || spheres < MIN_RATIO * of_searched.max(1.0) {
+        if *searched == Some(most_frequent) || spheres < MIN_RATIO * of_searched.max(1.0) {
             *waited = 0;
             return Ok(None);
         }
@@ -46,16 +46,16 @@ impl CrowdSpecies {
             return Ok(None);
         }
         (*waited, *patience) = (0, (2 * *patience + 1).min(MAX_PATIENCE));
-        let narrow = |crowd| Sides::narrow_species(table, crowd);
-        if narrow(Some(crowd)) != narrow(*searched) {
-            return Ok(Some(crowd));
+        let narrow = |species| Sides::narrow_species(table, species);
+        if narrow(Some(most_frequent)) != narrow(*searched) {
+            return Ok(Some(most_frequent));
         }
-        *searched = Some(crowd);
+        *searched = Some(most_frequent);
         Ok(None)
     }
 
-    pub(super) fn record(&mut self, crowd: u32) {
-        self.searched = Some(crowd);
+    pub(super) fn record(&mut self, species: u32) {
+        self.searched = Some(species);
     }
 }
 
@@ -73,35 +73,35 @@ mod tests {
         table
     }
 
-    fn follow(crowd: &mut CrowdSpecies, counts: [usize; 3], table: &Interactions) -> Option<u32> {
+    fn follow(frequent: &mut FrequentSpecies, counts: [usize; 3], table: &Interactions) -> Option<u32> {
         let ids: Vec<u32> = (0..).zip(counts).flat_map(|(species, count)| vec![species; count]).collect();
         let spheres = vec![Sphere::default(); ids.len()];
         let query = Query::from(Spheres::from(&spheres).with_species(&ids).expect("one each"));
-        let next = crowd.next(&query, table).expect("there is memory");
-        next.into_iter().for_each(|species| crowd.record(species));
+        let next = frequent.next(&query, table).expect("there is memory");
+        next.into_iter().for_each(|species| frequent.record(species));
         next
     }
 
     #[test]
-    fn crowd_changes_with_the_narrow_side_only() {
-        let (table, mut crowd) = (table([0.5, 0.125]), CrowdSpecies::default());
-        assert_eq!(follow(&mut crowd, [9000, 10, 10], &table), Some(0));
-        assert_eq!(follow(&mut crowd, [9000, 10, 10], &table), None, "the same crowd");
-        assert_eq!(follow(&mut crowd, [100, 300, 10], &table), None, "hardly larger");
-        assert_eq!(crowd.searched(), Some(0));
-        let mut crowd = CrowdSpecies::default();
-        assert_eq!(follow(&mut crowd, [10, 9000, 10], &table), None, "the narrower group");
-        assert_eq!(crowd.searched(), Some(1));
-        assert_eq!(follow(&mut CrowdSpecies::default(), [10, 10, 9000], &table), None, "not narrow");
-        assert_eq!(follow(&mut CrowdSpecies::default(), [0; 3], &table), None);
-        assert_eq!(follow(&mut CrowdSpecies::default(), [9000, 10, 10], &self::table([4.0, 0.125])), None);
+    fn frequent_species_changes_with_the_narrow_side_only() {
+        let (table, mut frequent) = (table([0.5, 0.125]), FrequentSpecies::default());
+        assert_eq!(follow(&mut frequent, [9000, 10, 10], &table), Some(0));
+        assert_eq!(follow(&mut frequent, [9000, 10, 10], &table), None, "the same crowd");
+        assert_eq!(follow(&mut frequent, [100, 300, 10], &table), None, "hardly larger");
+        assert_eq!(frequent.searched(), Some(0));
+        let mut frequent = FrequentSpecies::default();
+        assert_eq!(follow(&mut frequent, [10, 9000, 10], &table), None, "the narrower group");
+        assert_eq!(frequent.searched(), Some(1));
+        assert_eq!(follow(&mut FrequentSpecies::default(), [10, 10, 9000], &table), None, "not narrow");
+        assert_eq!(follow(&mut FrequentSpecies::default(), [0; 3], &table), None);
+        assert_eq!(follow(&mut FrequentSpecies::default(), [9000, 10, 10], &self::table([4.0, 0.125])), None);
     }
 
     #[test]
-    fn alternating_crowds_seldom_change_the_sides() {
-        let (table, mut crowd) = (table([0.5, 0.125]), CrowdSpecies::default());
+    fn alternating_frequent_species_seldom_change_the_sides() {
+        let (table, mut frequent) = (table([0.5, 0.125]), FrequentSpecies::default());
         let mut changes = |counts, calls: usize| {
-            (0..calls).filter(|_| follow(&mut crowd, counts, &table).is_some()).count()
+            (0..calls).filter(|_| follow(&mut frequent, counts, &table).is_some()).count()
         };
         let [first, second] = [[9000, 10, 10], [10, 9000, 10]];
         assert_eq!(changes(first, 1), 1);
