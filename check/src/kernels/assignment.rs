@@ -15,15 +15,15 @@ pub(crate) fn cell_list_configure(gpu: &GpuDevice) -> Result<(), KernelError> {
         let ConfiguredCellList { list, scenario, outcome, .. } = &chosen;
         let what = |what: &str| format!("{what}, {case:?}");
         let bad = scenario.spheres.iter().filter(|sphere| !sphere.is_valid()).count() as u32;
-        let begun = changed(Outcome::zeroed(), |new| {
+        let initial_outcome = changed(Outcome::zeroed(), |new| {
             new.quarantined = bad;
             new.entries_lo = case.spheres;
             new.spheres = case.spheres;
             new.dispatch_y = 1;
             new.dispatch_z = 1;
         });
-        same(|| what("outcome"), outcome, &begun)?;
-        same(|| what("survey is empty"), &(chosen.survey == InputStats::zeroed()), &true)?;
+        same(|| what("outcome"), outcome, &initial_outcome)?;
+        same(|| what("survey is empty"), &(chosen.stats == InputStats::zeroed()), &true)?;
         same(|| what("spheres"), &list.spheres, &case.spheres)?;
         let ordinary = bad < case.spheres;
         same(|| what("ordinary"), &(list.ordinary != 0), &ordinary)?;
@@ -97,8 +97,8 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
                 let fits =
                     |around: u32, cell_size: f64| length.is_some_and(|l| l / f64::from(around) >= cell_size);
                 let is_wide = around == 1 || (fits(around, cell_size.into()) && around.is_multiple_of(cells));
-                let has_room = cells > 1 && around + cells <= 32_768;
-                let is_full = !(has_room && fits(around + cells, 1.001 * f64::from(cell_size)));
+                let can_grow = cells > 1 && around + cells <= 32_768;
+                let is_full = !(can_grow && fits(around + cells, 1.001 * f64::from(cell_size)));
                 same(what, &(is_wide, is_full), &(true, true))?;
             }
             base += level_layout.cells.element_product();
@@ -196,7 +196,7 @@ fn touching_spheres_are_in_adjacent_cells(
             if list.level[level].cells.x == 0 {
                 continue;
             }
-            let at = |sphere| numbers(list, scenario.space, chosen.place(sphere), level, true);
+            let at = |sphere| numbers(list, scenario.space, chosen.wrapped_center(sphere), level, true);
             let (of_a, of_b) = (at(a), at(b));
             let is_near = (0..3).all(|axis| {
                 let apart = of_a[axis].abs_diff(of_b[axis]);
@@ -260,8 +260,9 @@ pub(crate) fn cells_count(gpu: &GpuDevice) -> Result<(), KernelError> {
         cells.iter().for_each(|&cell| expected[cell as usize] += 1);
         same(|| what("spheres of each cell"), &counts, &expected)?;
         found.sort_unstable();
-        let places = (0_u32..).zip(&counts).flat_map(|(cell, &count)| (0..count).map(move |at| [cell, at]));
-        same(|| what("places"), &found, &places.collect())?;
+        let expected_ranks =
+            (0_u32..).zip(&counts).flat_map(|(cell, &count)| (0..count).map(move |at| [cell, at]));
+        same(|| what("places"), &found, &expected_ranks.collect())?;
         let max_occupancy = call.read_one::<Outcome>("outcome")?.max_occupancy;
         if list.has_overfull_cells == 1 {
             ConfiguredCellList::agrees(

@@ -4,7 +4,7 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Outcome, SearchParams};
 
-use super::cell_list::surveyed;
+use super::cell_list::expected_stats;
 use super::cells::{CellListInput, configure};
 use super::division::Division;
 use super::support::{KernelError, changed, same};
@@ -55,8 +55,8 @@ fn configured(gpu: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 
     };
     let (one_set, variant) = (Division::OneSet, Variant::default());
     let before = changed(Outcome::zeroed(), |new| new.dispatch_z = 1);
-    let survey = surveyed(&spheres, one_set, false);
-    let input = CellListInput { spheres: &spheres, survey, division: one_set };
+    let stats = expected_stats(&spheres, one_set, false);
+    let input = CellListInput { spheres: &spheres, stats, division: one_set };
     let configured = configure(gpu, one_set.divide(call), variant, input, before)?;
     Ok(configured.list.level[0].cells.to_array())
 }

@@ -11,25 +11,25 @@ use crate::scenes::{hard, periodic};
 use crate::{Random, SceneSeed, TestInput};
 
 pub(crate) fn call_begin(gpu: &GpuDevice) -> Result<(), KernelError> {
-    for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
+    for (count, most) in [(0_u32, 10), (10, 10), (11, 10)] {
         let call = KernelCall::new(gpu)
             .with("params", &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?
-            .with("count_source", &[given])?
+            .with("count_source", &[count])?
             .with("bounds", &[1_u32; size_of::<Bounds>() / 4])?
             .with_layout("grid", &Grid::zeroed())?
             .with("outcome", &[1_u32; size_of::<Outcome>() / 4])?;
         call.run(&k::CALL_BEGIN, Variant::default(), 1)?;
-        let case = |what: &str| format!("{what}, {given} spheres of {most}");
+        let case = |what: &str| format!("{what}, {count} spheres of {most}");
         let [most_bits, none] = [u32::MAX, 0].map(|bits| [bits; 3]);
         let empty = Bounds { low: most_bits, high: none, radius_min: u32::MAX, ..Bounds::zeroed() };
         same(|| case("bounds"), &call.read_one::<Bounds>("bounds")?, &empty)?;
-        same(|| case("spheres"), &call.read_layout::<Grid>("grid")?.spheres, &given.min(most))?;
+        same(|| case("spheres"), &call.read_layout::<Grid>("grid")?.spheres, &count.min(most))?;
         let found = call.read_one::<Outcome>("outcome")?;
-        let overflow = if given > most { Outcome::OVERFLOW_SPHERES } else { 0 };
+        let overflow = if count > most { Outcome::OVERFLOW_SPHERES } else { 0 };
         let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
         let cleared = changed(Outcome::zeroed(), |new| {
             new.overflow = overflow;
-            new.spheres = given;
+            new.spheres = count;
             new.dispatch_x = x;
             new.dispatch_y = y;
             new.dispatch_z = z;
@@ -70,7 +70,7 @@ pub(crate) fn spheres_interleave(gpu: &GpuDevice) -> Result<(), KernelError> {
     const CAPACITY: usize = 700;
     const UNWRITTEN: [u32; 4] = [7; 4];
     let mut random = Random(0);
-    for (given, most) in [(0_u32, 10_u32), (255, 700), (256, 257), (700, 700), (701, 700)] {
+    for (count, most) in [(0_u32, 10_u32), (255, 700), (256, 257), (700, 700), (701, 700)] {
         let layout = ColumnLayout {
             first: [0; 4].map(|_: u32| random.below(9)),
             stride: [1, 9, 0, 3].map(|stride: u32| stride + random.below(2)),
@@ -81,7 +81,7 @@ pub(crate) fn spheres_interleave(gpu: &GpuDevice) -> Result<(), KernelError> {
         let call = KernelCall::new(gpu)
             .with("params", &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?
             .with("columns", &[layout])?
-            .with("count_source", &[given])?
+            .with("count_source", &[count])?
             .with("x", &columns[0])?
             .with("y", &columns[1])?
             .with("z", &columns[2])?
@@ -91,13 +91,13 @@ pub(crate) fn spheres_interleave(gpu: &GpuDevice) -> Result<(), KernelError> {
         let number = |column: usize, sphere: usize| {
             columns[column][layout.first[column] as usize + sphere * layout.stride[column] as usize]
         };
-        let written = given.min(most) as usize;
+        let written = count.min(most) as usize;
         let row = |sphere| {
             if sphere < written { [0, 1, 2, 3].map(|column| number(column, sphere)) } else { UNWRITTEN }
         };
         let expected: Vec<[u32; 4]> = (0..CAPACITY).map(row).collect();
         let found = call.read::<[u32; 4]>("rows", CAPACITY)?;
-        same(|| format!("{given} spheres of {most} in {layout:?}"), &found, &expected)?;
+        same(|| format!("{count} spheres of {most} in {layout:?}"), &found, &expected)?;
     }
     Ok(())
 }
@@ -107,12 +107,12 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     let words = SceneSeed::drawn(&mut random, 500);
     let mut spheres = hard::any_floats(&words);
     spheres.extend((0..500).map(|k| {
-        let mut place = |length: Option<f32>| {
+        let mut coordinate = |length: Option<f32>| {
             let x = (random.below(9) as f32 - 4.0) * 0.5 * length.unwrap_or(1.0);
             let x = if x.is_finite() { x } else { f32::MAX };
             [x, x, x.next_up(), x.next_down()][random.below(4) as usize].clamp(f32::MIN, f32::MAX)
         };
-        Sphere::new(space.lengths_f32().map(&mut place), k as f32)
+        Sphere::new(space.lengths_f32().map(&mut coordinate), k as f32)
     }));
     spheres
 }
@@ -315,17 +315,17 @@ pub(crate) fn outcome_finish(gpu: &GpuDevice) -> Result<(), KernelError> {
     ] {
         let call =
             SearchParams { pair_capacity: capacity, consumer_workgroup_size: 256, ..SearchParams::zeroed() };
-        let given = changed(Outcome::zeroed(), |new| {
+        let outcome_before = changed(Outcome::zeroed(), |new| {
             new.found_lo = low;
             new.found_hi = high;
         });
-        let call = KernelCall::new(gpu).with("params", &[call])?.with("outcome", &[given])?;
+        let call = KernelCall::new(gpu).with("params", &[call])?.with("outcome", &[outcome_before])?;
         call.run(&k::OUTCOME_FINISH, Variant::default(), 1)?;
         let found = call.read_one::<Outcome>("outcome")?;
-        let overflow = if given.found() > capacity.into() { Outcome::OVERFLOW_PAIRS } else { 0 };
-        let case = || format!("{} pairs, capacity {capacity}: {found:?}", given.found());
+        let overflow = if outcome_before.found() > capacity.into() { Outcome::OVERFLOW_PAIRS } else { 0 };
+        let case = || format!("{} pairs, capacity {capacity}: {found:?}", outcome_before.found());
         same(case, &found.overflow, &overflow)?;
-        let written = given.found().min(capacity.into());
+        let written = outcome_before.found().min(capacity.into());
         let groups = u64::from(found.dispatch_x) * u64::from(found.dispatch_y) * u64::from(found.dispatch_z);
         let enough = groups >= written.div_ceil(256) && groups < written.div_ceil(256) + 65_536;
         same(case, &(enough && found.dispatch_x <= 65_535 && found.dispatch_y >= 1), &true)?;

@@ -35,16 +35,15 @@ pub(crate) fn stats_reduce(gpu: &GpuDevice) -> Result<(), KernelError> {
         call.run(&k::STATS_REDUCE, variant, groups)?;
         let found = call.read_one::<InputStats>("stats")?;
         // Devices may flush subnormal radii to zero.
-        let [unflushed, flushed] = [false, true].map(|flushes| surveyed(&spheres, division, flushes));
+        let [unflushed, flushed] = [false, true].map(|flushes| expected_stats(&spheres, division, flushes));
         let expected = if found.smallest == flushed.smallest { flushed } else { unflushed };
         let case = |what: &str| format!("{what} of {size} spheres, {groups} workgroups, {division:?}");
-        let counted = |survey: &InputStats| (survey.low, survey.high, survey.smallest, survey.quarantined);
+        let counted = |stats: &InputStats| (stats.low, stats.high, stats.smallest, stats.quarantined);
         same(|| case("bounds"), &counted(&found), &counted(&expected))?;
         for class in 0..256 {
-            let members = |survey: &InputStats| {
-                survey.members[class..].iter().step_by(256).copied().collect::<Vec<_>>()
-            };
-            let sizes = |survey: &InputStats| (members(survey), survey.largest[class]);
+            let members =
+                |stats: &InputStats| stats.members[class..].iter().step_by(256).copied().collect::<Vec<_>>();
+            let sizes = |stats: &InputStats| (members(stats), stats.largest[class]);
             same(|| case(&format!("class {class}")), &sizes(&found), &sizes(&expected))?;
         }
         for (what, length) in [("starts", counters), ("occupancy", occupancy_slots)] {
@@ -83,7 +82,7 @@ pub(crate) fn cell_list_setup_small(gpu: &GpuDevice) -> Result<(), KernelError> 
             period_x,
             ..SearchParams::zeroed()
         };
-        let given = || {
+        let new_call = || {
             let call = KernelCall::new(gpu)
                 .with("params", &[division.divide(call)])?
                 .with("count_source", &[size])?
@@ -91,12 +90,13 @@ pub(crate) fn cell_list_setup_small(gpu: &GpuDevice) -> Result<(), KernelError> 
             division.bind(call, size as usize)
         };
         let variant = Variant { periodic, species: division.has_species(), ..Variant::default() };
-        let expected = begun(given()?, variant, &[(&k::STATS_REDUCE, 3), (&k::CELL_LIST_CONFIGURE, 1)])?;
-        let found = begun(given()?, variant, &[(&k::CELL_LIST_SETUP_SMALL, 1)])?;
+        let expected =
+            run_setup(new_call()?, variant, &[(&k::STATS_REDUCE, 3), (&k::CELL_LIST_CONFIGURE, 1)])?;
+        let found = run_setup(new_call()?, variant, &[(&k::CELL_LIST_SETUP_SMALL, 1)])?;
         let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}, {division:?}");
-        same(|| case("survey is empty"), &found.leaves_no_survey, &true)?;
+        same(|| case("survey is empty"), &found.has_cleared_stats, &true)?;
         same(|| case("the list"), &found.list, &expected.list)?;
-        let counts = |begun: &Begun| (begun.outcome.clone(), begun.lengths.clone());
+        let counts = |result: &SetupResult| (result.outcome.clone(), result.lengths.clone());
         same(|| case("outcome and lengths"), &counts(&found), &counts(&expected))?;
         same(|| case("counters"), &found.starts, &vec![0; CELLS as usize + 2])?;
     }
@@ -105,20 +105,20 @@ pub(crate) fn cell_list_setup_small(gpu: &GpuDevice) -> Result<(), KernelError> 
 
 const CELLS: u32 = 4096;
 
-struct Begun {
-    leaves_no_survey: bool,
+struct SetupResult {
+    has_cleared_stats: bool,
     list: Vec<u8>,
     outcome: Vec<u8>,
     lengths: Vec<u8>,
     starts: Vec<u32>,
 }
 
-fn begun(
-    given: KernelCall<'_>,
+fn run_setup(
+    call: KernelCall<'_>,
     variant: Variant,
     kernels: &[(&'static k::Kernel, u32)],
-) -> Result<Begun, KernelError> {
-    let call = given
+) -> Result<SetupResult, KernelError> {
+    let call = call
         .with("stats", &[InputStats::zeroed()])?
         .with_layout("cell_list", &CellListLayout::zeroed())?
         .with("outcome", &[Outcome::default()])?
@@ -126,8 +126,8 @@ fn begun(
         .with("starts", &[7_u32; CELLS as usize + 2])?
         .with("occupancy", &[0_u32; 4])?;
     kernels.iter().try_for_each(|&(kernel, groups)| call.run(kernel, variant, groups))?;
-    Ok(Begun {
-        leaves_no_survey: call.read_one::<InputStats>("stats")? == InputStats::zeroed(),
+    Ok(SetupResult {
+        has_cleared_stats: call.read_one::<InputStats>("stats")? == InputStats::zeroed(),
         list: call.read("cell_list", CellListLayout::min_size().get() as usize)?,
         outcome: call.read("outcome", size_of::<Outcome>())?,
         lengths: call.read("sort_counts", size_of::<SortCounts>())?,
@@ -138,11 +138,11 @@ fn begun(
 /// Constant that is added to radii, larger than the numbers that devices flush to zero.
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
-pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) -> InputStats {
-    let mut survey = InputStats::zeroed();
+pub(crate) fn expected_stats(spheres: &[Sphere], division: Division, flushes: bool) -> InputStats {
+    let mut stats = InputStats::zeroed();
     for (id, sphere) in spheres.iter().enumerate() {
         if !sphere.is_valid() {
-            survey.quarantined += 1;
+            stats.quarantined += 1;
             continue;
         }
         if !division.may_pair(id, spheres.len()) {
@@ -150,18 +150,18 @@ pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) ->
         }
         for axis in 0..3 {
             let x = ordered(sphere.center[axis]);
-            survey.low[axis] = survey.low[axis].max(!x);
-            survey.high[axis] = survey.high[axis].max(x);
+            stats.low[axis] = stats.low[axis].max(!x);
+            stats.high[axis] = stats.high[axis].max(x);
         }
         let radius = division.effective_radius(id, spheres);
         let value = if flushes && radius.is_subnormal() { 0.0 } else { radius };
         let radius = (value + FLUSHED).to_bits();
         let class = (radius >> 23) as usize;
-        survey.smallest = survey.smallest.max(!radius);
-        survey.members[256 * division.side(id, spheres.len()) + class] += 1;
-        survey.largest[class] = survey.largest[class].max(radius);
+        stats.smallest = stats.smallest.max(!radius);
+        stats.members[256 * division.side(id, spheres.len()) + class] += 1;
+        stats.largest[class] = stats.largest[class].max(radius);
     }
-    survey
+    stats
 }
 
 pub(crate) fn cell_starts_find(gpu: &GpuDevice) -> Result<(), KernelError> {

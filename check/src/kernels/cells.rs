@@ -5,7 +5,7 @@ use lazygrid::{Space, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{CellListLayout, InputStats, SearchParams, SortCounts};
 
-use super::cell_list::surveyed;
+use super::cell_list::expected_stats;
 use super::division::Division;
 use super::kernel_call::KernelCall;
 use super::support::{KernelError, changed, same};
@@ -27,7 +27,7 @@ pub(crate) struct ConfiguredCellList {
     pub(crate) variant: Variant,
     pub(crate) lengths: SortCounts,
     pub(crate) outcome: Outcome,
-    pub(crate) survey: InputStats,
+    pub(crate) stats: InputStats,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -112,17 +112,18 @@ impl CellListCase {
         let variant = Variant { periodic: space.is_periodic(), species, ..Variant::default() };
         let images: Vec<Sphere> =
             spheres.iter().map(|sphere| Sphere::new(space.wrap(sphere.center), sphere.radius)).collect();
-        let input = CellListInput { spheres: &spheres, survey: surveyed(&images, division, false), division };
+        let input =
+            CellListInput { spheres: &spheres, stats: expected_stats(&images, division, false), division };
         let configured = configure(gpu, call, variant, input, before)?;
-        let Configured { list, lengths, outcome, survey } = configured;
+        let Configured { list, lengths, outcome, stats } = configured;
         let scenario = TestInput { space, mixture: division.mixture(count), ..spheres.into() };
-        Ok(ConfiguredCellList { call, scenario, division, list, variant, lengths, outcome, survey })
+        Ok(ConfiguredCellList { call, scenario, division, list, variant, lengths, outcome, stats })
     }
 }
 
 pub(crate) struct CellListInput<'a> {
     pub(crate) spheres: &'a [Sphere],
-    pub(crate) survey: InputStats,
+    pub(crate) stats: InputStats,
     pub(crate) division: Division,
 }
 
@@ -130,7 +131,7 @@ pub(crate) struct Configured {
     pub(crate) list: CellListLayout,
     lengths: SortCounts,
     outcome: Outcome,
-    survey: InputStats,
+    stats: InputStats,
 }
 
 pub(crate) fn configure(
@@ -140,12 +141,12 @@ pub(crate) fn configure(
     input: CellListInput<'_>,
     before: Outcome,
 ) -> Result<Configured, KernelError> {
-    let CellListInput { spheres, survey, division } = input;
+    let CellListInput { spheres, stats, division } = input;
     let call = KernelCall::new(gpu)
         .with("params", &[call])?
         .with("count_source", &[call.spheres])?
         .with("spheres", spheres)?
-        .with("stats", &[survey])?
+        .with("stats", &[stats])?
         .with_layout("cell_list", &CellListLayout::zeroed())?
         .with("outcome", &[before])?
         .with("sort_counts", &[SortCounts::zeroed()])?;
@@ -155,7 +156,7 @@ pub(crate) fn configure(
         list: call.read_layout("cell_list")?,
         lengths: call.read_one("sort_counts")?,
         outcome: call.read_one("outcome")?,
-        survey: call.read_one("stats")?,
+        stats: call.read_one("stats")?,
     })
 }
 
@@ -168,7 +169,7 @@ pub(crate) fn level_of(list: &CellListLayout, radius: f32) -> usize {
 pub(crate) fn numbers(
     list: &CellListLayout,
     space: Space,
-    place: Vec3,
+    center: Vec3,
     level: usize,
     fused: bool,
 ) -> [u32; 3] {
@@ -186,26 +187,26 @@ pub(crate) fn numbers(
         }
     };
     [0, 1, 2].map(|axis| match space.lengths()[axis] {
-        None => open(place[axis]).wrapping_sub(level_layout.low[axis]),
+        None => open(center[axis]).wrapping_sub(level_layout.low[axis]),
         Some(_) => {
             let (around, per_length) = (level_layout.around[axis], level_layout.cells_per_length[axis]);
             let half = 0.5 * around as f32;
             let at =
-                if fused { place[axis].mul_add(per_length, half) } else { place[axis] * per_length + half };
+                if fused { center[axis].mul_add(per_length, half) } else { center[axis] * per_length + half };
             (at.floor() as i32 + around as i32) as u32
         }
     })
 }
 
-fn cell(list: &CellListLayout, space: Space, place: Vec3, level: usize, fused: bool) -> u32 {
+fn cell(list: &CellListLayout, space: Space, center: Vec3, level: usize, fused: bool) -> u32 {
     let level_layout = &list.level[level];
-    let [x, y, z] = numbers(list, space, place, level, fused);
+    let [x, y, z] = numbers(list, space, center, level, fused);
     let [x, y, z] = [x % level_layout.cells.x, y % level_layout.cells.y, z % level_layout.cells.z];
     level_layout.base + (z * level_layout.cells.y + y) * level_layout.cells.x + x
 }
 
 impl ConfiguredCellList {
-    pub(crate) fn place(&self, sphere: &Sphere) -> Vec3 {
+    pub(crate) fn wrapped_center(&self, sphere: &Sphere) -> Vec3 {
         self.scenario.space.wrap(sphere.center)
     }
 
@@ -230,7 +231,7 @@ impl ConfiguredCellList {
         let sphere = &self.scenario.spheres[id];
         let has_cell = self.may_pair(id) && self.own_level(id) != LISTED;
         let level = self.first_level(id);
-        has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), level, fused))
+        has_cell.then(|| cell(&self.list, self.scenario.space, self.wrapped_center(sphere), level, fused))
     }
 
     pub(crate) fn occupancy(&self, fused: bool) -> Vec<u32> {
@@ -252,7 +253,10 @@ impl ConfiguredCellList {
         let level = self.own_level(id);
         let occupancy = occupancy[coarsest as usize % occupancy.len()];
         match level != 0 && list.has_overfull_cells != 0 && occupancy > self.call.tau {
-            true => (cell(list, space, self.place(sphere), self.first_level(id) + level, fused), occupancy),
+            true => (
+                cell(list, space, self.wrapped_center(sphere), self.first_level(id) + level, fused),
+                occupancy,
+            ),
             false => (coarsest, 0),
         }
     }

@@ -90,9 +90,9 @@ fn wanted_bits(grid: &Grid, axis: usize) -> u32 {
 }
 
 fn open_axis(grid: &Grid, axis: usize, width: f32, spheres: &[Sphere]) -> Result<(), String> {
-    let mut places: Vec<f32> = spheres.iter().map(|sphere| sphere.center[axis]).collect();
-    places.sort_by(f32::total_cmp);
-    let (median, origin) = (places[places.len() / 2], grid.origin[axis]);
+    let mut coordinates: Vec<f32> = spheres.iter().map(|sphere| sphere.center[axis]).collect();
+    coordinates.sort_by(f32::total_cmp);
+    let (median, origin) = (coordinates[coordinates.len() / 2], grid.origin[axis]);
     if origin != median {
         return Err(format!("starts at {origin}, not {median}"));
     }

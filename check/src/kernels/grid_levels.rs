@@ -73,10 +73,10 @@ fn call(split_policy: u32, tau: u32) -> SearchParams {
 
 fn spheres(count: usize) -> Vec<Sphere> {
     let mut random = Random(count as u64);
-    let mut place = || (random.word() % 1024) as f32 / 8.0 - 64.0;
+    let mut coordinate = || (random.word() % 1024) as f32 / 8.0 - 64.0;
     (0..count)
         .map(|i| {
-            let center = if i % 3 == 0 { [1.0; 3] } else { [place(), place(), place()] };
+            let center = if i % 3 == 0 { [1.0; 3] } else { [coordinate(), coordinate(), coordinate()] };
             Sphere::new(center, 1.75 / (1 << ((i * 7 + i / 8) % 8)) as f32)
         })
         .collect()

@@ -87,7 +87,7 @@ fn suits(chosen: &ConfiguredCellList, count: u32, spheres: &[Sphere]) -> bool {
         let has_cells = list.levels >> level & 1 == 1 && radius <= list.level[level].max_radius;
         let lengths = scenario.space.lengths();
         let is_above = || {
-            let at = numbers(list, scenario.space, chosen.place(&spheres[id]), level, true);
+            let at = numbers(list, scenario.space, chosen.wrapped_center(&spheres[id]), level, true);
             (0..3).all(|axis| lengths[axis].is_some() || at[axis] as i32 >= 8)
         };
         is_ordinary && has_cells && !(is_overfull && call.occupancy_slots != 0) && is_above()
@@ -95,7 +95,7 @@ fn suits(chosen: &ConfiguredCellList, count: u32, spheres: &[Sphere]) -> bool {
     count == list.spheres && (0..spheres.len()).all(suits_one)
 }
 
-fn has_room(chosen: &ConfiguredCellList, cells: &[u32]) -> bool {
+fn are_within_capacity(chosen: &ConfiguredCellList, cells: &[u32]) -> bool {
     let mut counts = vec![0; chosen.list.cells as usize + 2];
     cells.iter().for_each(|&cell| counts[cell as usize] += 1);
     let [most, most_listed] = LIMITS;
@@ -119,7 +119,7 @@ pub(crate) fn reused_cells(gpu: &GpuDevice) -> Result<(), KernelError> {
             let reused = Reused { gpu, chosen: &after, count };
             let cells = reused.counted(suits, text)?;
             reused.sorted(suits, &cells, text)?;
-            refused[usize::from(suits && has_room(&after, &cells))] += 1;
+            refused[usize::from(suits && are_within_capacity(&after, &cells))] += 1;
         }
     }
     same(|| format!("{refused:?} calls refused and not"), &refused.iter().all(|&calls| calls > 30), &true)
@@ -133,7 +133,7 @@ struct Reused<'a> {
 
 impl Reused<'_> {
     fn refusal(&self, suits: bool, cells: &[u32]) -> u32 {
-        if suits && has_room(self.chosen, cells) { 0 } else { Outcome::OVERFLOW_LAYOUT }
+        if suits && are_within_capacity(self.chosen, cells) { 0 } else { Outcome::OVERFLOW_LAYOUT }
     }
 
     fn counted(&self, suits: bool, what: impl Fn() -> String) -> Result<Vec<u32>, KernelError> {
@@ -197,12 +197,12 @@ impl Reused<'_> {
             .with_zeros::<[u32; 4]>("sorted", SPHERES as usize)?
             .with_zeros::<u32>("sorted_species", SPHERES as usize)?;
         call.run(&k::SPHERES_GATHER, *variant, SPHERES.div_ceil(k::WORKGROUP_SIZE))?;
-        let expected = begun(self.refusal(suits, cells));
+        let expected = initial_outcome(self.refusal(suits, cells));
         same(|| format!("gathered: {}", what()), &call.read_one::<Outcome>("outcome")?, &expected)
     }
 }
 
-pub(crate) fn begun(overflow: u32) -> Outcome {
+pub(crate) fn initial_outcome(overflow: u32) -> Outcome {
     changed(Outcome::zeroed(), |new| {
         new.overflow = overflow;
         new.entries_lo = SPHERES;

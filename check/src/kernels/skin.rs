@@ -59,11 +59,11 @@ pub(crate) fn skin_displacement(gpu: &GpuDevice) -> Result<(), KernelError> {
                 Sphere::new(space.wrap(sphere.center + glam::Vec3::from(step)), sphere.radius)
             })
             .collect();
-        let gone = |k: usize| match then[k].is_valid() && !is_idle(k) {
+        let displacement = |k: usize| match then[k].is_valid() && !is_idle(k) {
             true => space.distance_squared(then[k].center, now[k].center) as f32,
             false => 0.0,
         };
-        let farthest = (0..size).map(gone).fold(0.0, f32::max);
+        let farthest = (0..size).map(displacement).fold(0.0, f32::max);
         let other = |change: fn(&mut Sphere)| {
             let mut other = now.clone();
             other.last_mut().into_iter().for_each(change);
@@ -161,7 +161,7 @@ pub(crate) fn skin_store_reference(gpu: &GpuDevice) -> Result<(), KernelError> {
     for (size, rebuilt) in
         SIZES.into_iter().flat_map(|size| [0, SkinState::DISPLACEMENT].map(|rebuilt| (size, rebuilt)))
     {
-        let given = spheres(size, 3);
+        let current = spheres(size, 3);
         let state = changed(SkinState::zeroed(), |new| {
             new.spheres = size as u32;
             new.rebuild_reason = rebuilt;
@@ -171,11 +171,11 @@ pub(crate) fn skin_store_reference(gpu: &GpuDevice) -> Result<(), KernelError> {
         let call = KernelCall::new(gpu)
             .with("params", &[call])?
             .with("skin", &[SKIN])?
-            .with("spheres", &given)?
+            .with("spheres", &current)?
             .with("state", &[state])?
             .with("reference", &before)?;
         call.run(&k::SKIN_STORE_REFERENCE, variant, size.div_ceil(256) as u32)?;
-        let expected = if rebuilt != 0 { given.iter().map(widened).collect() } else { before };
+        let expected = if rebuilt != 0 { current.iter().map(widened).collect() } else { before };
         let case = || format!("{size} spheres, rebuilt {rebuilt}");
         same(case, &call.read::<[f32; 4]>("reference", size)?, &expected)?;
     }
@@ -185,7 +185,7 @@ pub(crate) fn skin_store_reference(gpu: &GpuDevice) -> Result<(), KernelError> {
 pub(crate) fn candidates_test_dispatch_args(gpu: &GpuDevice) -> Result<(), KernelError> {
     let most = 40_000_000;
     let entries = Outcome::OVERFLOW_ENTRIES;
-    for (low, high, overflow, given) in [
+    for (low, high, overflow, count) in [
         (0, 0, 0, 10),
         (1000, 0, 0, 10),
         (most, 0, 0, 10),
@@ -203,7 +203,7 @@ pub(crate) fn candidates_test_dispatch_args(gpu: &GpuDevice) -> Result<(), Kerne
         let call = KernelCall::new(gpu)
             .with("params", &[call(12, Space::UNBOUNDED).0])?
             .with("skin", &[SkinParams { candidate_capacity: most, ..SKIN }])?
-            .with("count_source", &[given])?
+            .with("count_source", &[count])?
             .with("found", &[of_search])?
             .with("state", &[SkinState::zeroed()])?
             .with("outcome", &[Outcome::zeroed()])?
@@ -211,15 +211,15 @@ pub(crate) fn candidates_test_dispatch_args(gpu: &GpuDevice) -> Result<(), Kerne
         call.run(&k::CANDIDATES_TEST_DISPATCH_ARGS, Variant::default(), 1)?;
         let full = of_search.found() > most.into();
         let lost = (overflow & entries) | if full { Outcome::OVERFLOW_CANDIDATES } else { 0 };
-        let more = if given > 12 { Outcome::OVERFLOW_SPHERES } else { 0 };
+        let more = if count > 12 { Outcome::OVERFLOW_SPHERES } else { 0 };
         let expected = changed(Outcome::zeroed(), |new| {
             new.overflow = lost | more;
             new.quarantined = 3;
             new.entries_lo = low;
             new.entries_hi = high;
-            new.spheres = given;
+            new.spheres = count;
         });
-        let case = || format!("{of_search:?}, {given} spheres");
+        let case = || format!("{of_search:?}, {count} spheres");
         same(case, &call.read_one::<Outcome>("outcome")?, &expected)?;
         let written = if full { most } else { low };
         let state = call.read_one::<SkinState>("state")?;
@@ -236,17 +236,17 @@ pub(crate) fn candidates_test(gpu: &GpuDevice) -> Result<(), KernelError> {
         [(0..u32::MAX, 1 << 16), (100..200, 1 << 16), (0..u32::MAX, 50)].map(|limits| (lengths, limits))
     }) {
         let space = periodic::space(lengths);
-        let given: Vec<Sphere> = spheres(400, 5).into_iter().filter(Sphere::is_valid).collect();
-        let all = 0..given.len() as u32;
+        let current: Vec<Sphere> = spheres(400, 5).into_iter().filter(Sphere::is_valid).collect();
+        let all = 0..current.len() as u32;
         let candidates: Vec<Pair> =
             all.clone().flat_map(|i| (i + 1..all.end).map(move |j| Pair { i, j })).collect();
         let touch = |pair: &Pair| {
-            let [a, b] = [pair.i, pair.j].map(|id| &given[id as usize]);
+            let [a, b] = [pair.i, pair.j].map(|id| &current[id as usize]);
             let cutoff = f64::from(a.radius + b.radius);
             window.contains(&pair.i) && space.distance_squared(a.center, b.center) <= cutoff * cutoff
         };
         let expected: Vec<Pair> = candidates.iter().copied().filter(touch).collect();
-        let (call, variant) = call(given.len(), space);
+        let (call, variant) = call(current.len(), space);
         let call = SearchParams {
             pair_capacity: capacity,
             window_begin: window.start,
@@ -259,7 +259,7 @@ pub(crate) fn candidates_test(gpu: &GpuDevice) -> Result<(), KernelError> {
             .with("params", &[call])?
             .with("candidates", &candidates)?
             .with("state", &[state])?
-            .with("spheres", &given)?
+            .with("spheres", &current)?
             .with("outcome", &[Outcome::zeroed()])?
             .with_zeros::<Pair>("pairs", capacity as usize)?;
         call.run_over(&k::CANDIDATES_TEST, variant, [groups.div_ceil(2) + 1, 2, 1])?;

@@ -105,8 +105,8 @@ mod tests {
         of.iter().map(|&(i, j)| Pair { i, j }).collect()
     }
 
-    fn verdict(places: &[f32], found: &[(u32, u32)], tolerance: Tolerance) -> Result<(), String> {
-        let row: Vec<_> = places.iter().map(|&x| Sphere::new([x, 0.0, 0.0], 1.0)).collect();
+    fn verdict(coordinates: &[f32], found: &[(u32, u32)], tolerance: Tolerance) -> Result<(), String> {
+        let row: Vec<_> = coordinates.iter().map(|&x| Sphere::new([x, 0.0, 0.0], 1.0)).collect();
         let scenario = TestInput::from(row);
         difference(&scenario, &pairs(found), &scenario.oracle(), tolerance)
     }

@@ -28,7 +28,7 @@ fn sphere(center: Vec3, radius: f32) -> Sphere {
     Sphere::new(center.clamp(Vec3::MIN, Vec3::MAX), radius.min(f32::MAX))
 }
 
-fn place(mut coordinate: impl FnMut() -> f32) -> [f32; 3] {
+fn position(mut coordinate: impl FnMut() -> f32) -> [f32; 3] {
     [coordinate(), coordinate(), coordinate()]
 }
 
@@ -38,14 +38,15 @@ pub fn lattice(words: &SceneSeed) -> Vec<Sphere> {
     let spacing = choices.pick(&[1.0_f32, 0.25, 3.0, 0.1, 0.3, 1.0 / 3.0, 1e-3, 1.1e-20, 7.7e15]);
     let shift = choices.pick(&[0.0_f32, 0.5, 1.0, -4.0, 1e3, -1e6]);
     words.each(|reader| {
-        let at = Vec3::from(place(|| reader.below(8) as f32));
+        let at = Vec3::from(position(|| reader.below(8) as f32));
         Sphere::new((at + shift) * spacing, reader.pick(&[0.5, 1.0, 0.0]) * spacing)
     })
 }
 
 pub fn duplicates(words: &SceneSeed) -> Vec<Sphere> {
-    let originals = words
-        .each(|reader| Sphere::new(place(|| reader.between(-2.0, 2.0)), reader.pick(&[0.0, 1e-3, 1.0, 2.0])));
+    let originals = words.each(|reader| {
+        Sphere::new(position(|| reader.between(-2.0, 2.0)), reader.pick(&[0.0, 1e-3, 1.0, 2.0]))
+    });
     let few = (1 + words.reader().below(5) as usize).min(originals.len());
     words.each(|reader| {
         // Skips the words of the original.
@@ -76,7 +77,7 @@ pub fn giant(words: &SceneSeed) -> Vec<Sphere> {
 pub fn powers_of_two(words: &SceneSeed) -> Vec<Sphere> {
     let unit = words.reader().pick(&[1.0_f32, 0.25, 8.0]);
     words.each(|reader| {
-        let center = place(|| reader.within(32) as f32 * unit);
+        let center = position(|| reader.within(32) as f32 * unit);
         Sphere::new(center, (reader.within(10) as f32).exp2())
     })
 }
@@ -85,9 +86,9 @@ pub fn flat(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let axes = choices.pick(&[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]]);
     let diagonal = choices.below(2) == 1;
-    let origin = Vec3::from(place(|| choices.between(-5.0, 5.0)));
+    let origin = Vec3::from(position(|| choices.between(-5.0, 5.0)));
     words.each(|reader| {
-        let at = Vec3::from(place(|| reader.between(-20.0, 20.0)));
+        let at = Vec3::from(position(|| reader.between(-20.0, 20.0)));
         let along = if diagonal { Vec3::splat(at.x) } else { at };
         Sphere::new(origin + along * Vec3::from(axes), reader.between(0.0, 1.5))
     })
@@ -97,7 +98,7 @@ pub fn flat(words: &SceneSeed) -> Vec<Sphere> {
 pub fn clusters(words: &SceneSeed) -> Vec<Sphere> {
     let scale = words.reader().pick(&[1e-2_f32, 1e-4, 1.0 / 1024.0]);
     words.each(|reader| {
-        let digits = [(); 3].map(|()| Vec3::from(place(|| reader.within(1) as f32)));
+        let digits = [(); 3].map(|()| Vec3::from(position(|| reader.within(1) as f32)));
         let center = digits.iter().rev().fold(Vec3::ZERO, |at, digit| at * scale + *digit);
         let level = reader.below(3) as i32;
         Sphere::new(center, reader.pick(&[0.1, 0.5, 1.0]) * scale.powi(level))
@@ -112,7 +113,7 @@ pub fn far(words: &SceneSeed) -> Vec<Sphere> {
     let both_sides = choices.below(2) == 1;
     let ulp = f64::from(base) - f64::from(base.next_down());
     words.each(|reader| {
-        let center = place(|| {
+        let center = position(|| {
             let x = f32::from_bits(base.to_bits() - reader.below(8));
             if reader.below(2) == 1 && both_sides { -x } else { x }
         });
@@ -131,7 +132,7 @@ fn any_magnitude(reader: &mut SeedReader<'_>) -> f32 {
 
 /// Coordinates and radii log-uniform over all of `f32`.
 pub fn any_floats(words: &SceneSeed) -> Vec<Sphere> {
-    words.each(|reader| Sphere::new(place(|| any_magnitude(reader)), any_magnitude(reader).abs()))
+    words.each(|reader| Sphere::new(position(|| any_magnitude(reader)), any_magnitude(reader).abs()))
 }
 
 /// Values log-uniform over four binades anywhere in `f32`.
@@ -142,7 +143,7 @@ pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
         let x = f32::from_bits(reader.below(4 << 23) + (lowest << 23));
         reader.signed(x)
     };
-    words.each(|reader| Sphere::new(place(|| value(reader)), value(reader).abs()))
+    words.each(|reader| Sphere::new(position(|| value(reader)), value(reader).abs()))
 }
 
 /// Returns a length near which `f32` arithmetic changes: subnormal, or with a square that underflows or
@@ -170,7 +171,7 @@ pub fn huge_radii(words: &SceneSeed) -> Vec<Sphere> {
     let least = 1e19_f32.to_bits();
     words.each(|reader| {
         let radius = f32::from_bits(least + reader.below(f32::MAX.to_bits() - least + 1));
-        let center = place(|| match reader.below(3) {
+        let center = position(|| match reader.below(3) {
             0 => reader.between(-1e20, 1e20),
             1 => any_magnitude(reader),
             // `between` needs a finite span.
@@ -188,7 +189,7 @@ pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
             1 => reader.between(0.4, 2.0),
             _ => reader.between(0.0, 0.4),
         };
-        Sphere::new(place(|| reader.between(-3.0, 3.0)), radius)
+        Sphere::new(position(|| reader.between(-3.0, 3.0)), radius)
     })
 }
 

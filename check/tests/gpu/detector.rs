@@ -41,8 +41,8 @@ fn grid_of_few_cells_finds_each_pair_once() {
     let mut detector = GpuDetector::new(&gpu.device, settings(Algorithm::CellList, true)).expect("made");
     for widths in [[0.5, 0.5, 0.5], [1.1, 0.5, 2.6], [0.2, 1.2, 0.0], [3.1, 0.6, 1.3]] {
         let mut random = Random(5);
-        let mut place = |width: f32| (random.unit() - 0.5) * width;
-        let sphere = |radius| Sphere::new(widths.map(&mut place), radius);
+        let mut coordinate = |width: f32| (random.unit() - 0.5) * width;
+        let sphere = |radius| Sphere::new(widths.map(&mut coordinate), radius);
         let spheres: Vec<Sphere> = (0..300).map(|k| [0.5, 0.3][k % 2]).map(sphere).collect();
         let found = detect(&gpu, &mut detector, &spheres);
         verify(&format!("{widths:?}"), &touching(&spheres), &found.pairs);
@@ -342,17 +342,17 @@ fn caller_can_reuse_the_cell_order() {
         spheres[7].radius = f32::NAN;
         let mut ids: Vec<u32> = (0..4000).map(|k| k % 2).collect();
         for step in 0..3 {
-            let (given, of_species) = (upload(&gpu, &spheres), upload(&gpu, &ids));
-            let input = GpuSpheres::new(&given, 4000);
+            let (input_buffer, of_species) = (upload(&gpu, &spheres), upload(&gpu, &ids));
+            let input = GpuSpheres::new(&input_buffer, 4000);
             let input = if species { input.with_species(&of_species) } else { input };
             let found = detect_with(&gpu, &mut detector, &input);
             assert_eq!(found.outcome.pairs_in_cell_order, 1);
             let sorted = detector.reserve(4000).expect("reserved").sorted.expect("a cell list");
             let order = download::<u32>(&gpu, &sorted.order, 4000);
             let images: Vec<Sphere> = download(&gpu, &sorted.spheres, 4000);
-            let mut places = order.clone();
-            places.sort_unstable();
-            assert!(places.into_iter().eq(0..4000), "step {step}: each once");
+            let mut indices = order.clone();
+            indices.sort_unstable();
+            assert!(indices.into_iter().eq(0..4000), "step {step}: each once");
             assert!(order[3999] == 7 || step > 0, "what is not valid comes last");
             for (image, &at) in images.iter().zip(&order) {
                 let Sphere { center, radius } = spheres[at as usize];
@@ -390,8 +390,8 @@ fn only_the_cell_list_has_a_cell_order() {
         let is_list = algorithm == Algorithm::CellList;
         assert_eq!(found.outcome.pairs_in_cell_order, u32::from(is_list), "{algorithm}");
         assert_eq!(detector.reserve(300).expect("reserved").sorted.is_some(), is_list, "{algorithm}");
-        let given = upload(&gpu, &spheres);
-        let found = detect_with(&gpu, &mut detector, &GpuSpheres::new(&given, 300).in_window(0..150));
+        let input_buffer = upload(&gpu, &spheres);
+        let found = detect_with(&gpu, &mut detector, &GpuSpheres::new(&input_buffer, 300).in_window(0..150));
         assert!(found.outcome.pairs_in_cell_order == 0 && found.pairs.iter().all(|pair| pair.i < 150));
     }
 }

@@ -20,11 +20,11 @@ fn octaves(random: &mut Random) -> f32 {
 
 fn at_seams(seed: u64, n: usize, side: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
     let mut random = Random(seed);
-    let mut place = || match random.word() % 2 {
+    let mut coordinate = || match random.word() % 2 {
         0 => 0.5 * side + 1.4 * (random.unit() - 0.5),
         _ => side * random.unit(),
     };
-    let centers: Vec<[f32; 3]> = (0..n).map(|_| [place(), place(), place()]).collect();
+    let centers: Vec<[f32; 3]> = (0..n).map(|_| [coordinate(), coordinate(), coordinate()]).collect();
     centers.into_iter().map(|center| Sphere::new(center, radius(&mut random))).collect()
 }
 
@@ -81,13 +81,18 @@ fn spheres_on_the_periodic_boundary() {
     let Some(gpu) = device() else { return };
     for (seed, of) in [1.0_f32, 0.1, 10.0, 3.3].into_iter().enumerate() {
         let mut random = Random(seed as u64);
-        let mut place = || {
+        let mut coordinate = || {
             let turns = [0.0, 0.5, -0.5, 1.0, -1.0, 2.5, 1e6, -1e6 - 0.5][random.word() as usize % 8];
             let x = of * turns;
             [x, x, x.next_up(), x.next_down()][random.word() as usize % 4]
         };
         let spheres = (0..250)
-            .map(|k| Sphere::new([place(), place(), place()], of * [0.0, 1e-7, 2e-7, 0.01, 0.2][k % 5]))
+            .map(|k| {
+                Sphere::new(
+                    [coordinate(), coordinate(), coordinate()],
+                    of * [0.0, 1e-7, 2e-7, 0.01, 0.2][k % 5],
+                )
+            })
             .collect();
         check(&gpu, &Scene::new(format!("corners of {of}"), lengths(7 - seed % 2, [of; 3]), spheres));
     }

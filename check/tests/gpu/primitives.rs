@@ -85,12 +85,12 @@ fn lowest_lane_of_any_subgroup_mask() {
     let begin = text.find("fn lowest_lane").expect("ranking by subgroups");
     let function = &text[begin..begin + text[begin..].find("\n}\n").expect("its end") + 3];
     let masks: Vec<u128> = (0..128).map(|lane| 0xb5 << lane | 1 << 127).collect();
-    let (given, found) = (upload(&gpu, &masks), upload(&gpu, &[0_u32; 128]));
+    let (input_buffer, found) = (upload(&gpu, &masks), upload(&gpu, &[0_u32; 128]));
     let harness = "@group(0) @binding(0) var<storage, read> masks: array<vec4<u32>>;
         @group(0) @binding(1) var<storage, read_write> lanes: array<u32>;
         @compute @workgroup_size(128)
         fn lowest(@builtin(local_invocation_index) k: u32) { lanes[k] = lowest_lane(masks[k]); }\n";
-    let buffers = [(Read, &given), (ReadWrite, &found)];
+    let buffers = [(Read, &input_buffer), (ReadWrite, &found)];
     run_text(&gpu, "lowest", format!("{harness}{function}"), &buffers);
     let expected: Vec<u32> = masks.iter().map(|mask| mask.trailing_zeros()).collect();
     assert_eq!(download::<u32>(&gpu, &found, 128), expected);

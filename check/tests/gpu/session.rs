@@ -134,8 +134,8 @@ fn call_without_species_does_not_use_those_of_an_earlier_one() {
     let mut session = GpuSession::new(gpu, GpuConfig::default().interactions(table)).expect("made");
     let (spheres, species) = (cloud(9, 500, 6), [0, 1].repeat(250));
     for _ in 0..2 {
-        let given = Spheres::from(&spheres).with_species(&species).expect("as many");
-        let ticket = session.begin(given).expect("begun");
+        let spheres_with_ids = Spheres::from(&spheres).with_species(&species).expect("as many");
+        let ticket = session.begin(spheres_with_ids).expect("begun");
         assert!(!session.finish(ticket, u64::MAX).expect("found").is_empty());
     }
     let refused = session.begin(Spheres::from(&spheres)).expect_err("no species");
@@ -265,8 +265,8 @@ fn memory_estimate_includes_the_species_of_each_call() {
     let plain = GpuConfig::default().algorithm(Algorithm::Naive);
     let settings = plain.clone().interactions(table);
     let mut session = GpuSession::new(gpu.clone(), settings.clone()).expect("made");
-    let given = Spheres::from(&spheres).with_species(&ids).expect("as many");
-    let tickets = [(); 2].map(|()| session.begin(given).expect("begun"));
+    let spheres_with_ids = Spheres::from(&spheres).with_species(&ids).expect("as many");
+    let tickets = [(); 2].map(|()| session.begin(spheres_with_ids).expect("begun"));
     for ticket in tickets {
         session.finish_count(ticket).expect("counted");
     }
@@ -342,7 +342,7 @@ fn candidate_overflow_never_fails_a_call() {
 }
 
 #[test]
-fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
+fn slowly_moving_spheres_have_a_new_layout_every_seventeenth_call() {
     let Some(gpu) = device() else { return };
     for (n, extent, radix_from) in [(3000, 20, u32::MAX), (40_000, 50, u32::MAX), (20_000, 40, 0)] {
         let mut spheres = cloud(9, n, extent);
@@ -359,8 +359,8 @@ fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
             let step = |k: usize| if k.is_multiple_of(2) { 0.015_625 } else { -0.015_625 };
             spheres.iter_mut().enumerate().for_each(|(k, sphere)| sphere.center[k % 3] += step(k));
         }
-        let surveys: Vec<usize> = (0..19).filter(|&call| !reused[call]).collect();
-        assert_eq!(surveys, [0, 17], "{n} spheres");
+        let new_layouts: Vec<usize> = (0..19).filter(|&call| !reused[call]).collect();
+        assert_eq!(new_layouts, [0, 17], "{n} spheres");
     }
 }
 

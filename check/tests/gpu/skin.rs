@@ -91,14 +91,15 @@ fn displacement_within_the_limit_keeps_the_list() {
     let Some(gpu) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1.0, 1e-3), (1e-6, 1e-7), (1e6, 1e4)] {
         let mut detector = GpuSkinDetector::new(&gpu.device, GpuConfig::default(), skin).expect("made");
-        let at = |gone: f32| {
-            let x = radius + 0.4985 * skin - gone;
+        let at = |displacement: f32| {
+            let x = radius + 0.4985 * skin - displacement;
             TestInput::from(vec![Sphere::new([-x, 0.0, 0.0], radius), Sphere::new([x, 0.0, 0.0], radius)])
         };
         let mut served = 0;
         for step in 0..40 {
-            let gone = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
-            let state = verify(&gpu, &mut detector, &at(gone), &format!("{radius}, {skin}, step {step}"));
+            let displacement = 0.4994 * skin * (step as f32 / 30.0).min(1.0);
+            let state =
+                verify(&gpu, &mut detector, &at(displacement), &format!("{radius}, {skin}, step {step}"));
             served += u32::from(state.rebuild_reason == 0);
         }
         assert!(served == 39, "{radius}, {skin}: {served} served");
@@ -110,10 +111,10 @@ fn displacement_beyond_the_limit_rebuilds_the_list() {
     let Some(gpu) = device() else { return };
     for (radius, skin) in [(1.0_f32, 0.5_f32), (1e-6, 1e-7), (1e6, 1e4)] {
         let mut detector = GpuSkinDetector::new(&gpu.device, GpuConfig::default(), skin).expect("made");
-        for (gone, rebuilt) in [(0.0, SkinState::NO_LIST), (0.503 * skin, SkinState::DISPLACEMENT)] {
-            let x = radius + 0.502 * skin - gone;
+        for (displacement, rebuilt) in [(0.0, SkinState::NO_LIST), (0.503 * skin, SkinState::DISPLACEMENT)] {
+            let x = radius + 0.502 * skin - displacement;
             let spheres = [-x, x].map(|x| Sphere::new([x, 0.0, 0.0], radius));
-            let case = format!("{radius}, {skin}, gone {gone}");
+            let case = format!("{radius}, {skin}, gone {displacement}");
             let state = verify(&gpu, &mut detector, &TestInput::from(spheres.to_vec()), &case);
             assert_eq!(state.rebuild_reason, rebuilt, "{case}: {state:?}");
         }

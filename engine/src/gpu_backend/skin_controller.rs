@@ -73,8 +73,9 @@ mod tests {
         let (mut served, mut found) = (0, 0);
         for _ in 0..calls {
             at += step;
-            let place = |k: usize| [k % 20, k / 20 % 20, k / 400].map(|c| c as f32 * 1.5);
-            let all: Vec<_> = (0..n).map(place).map(|[x, y, z]| Sphere::new([x + at, y, z], 0.5)).collect();
+            let position = |k: usize| [k % 20, k / 20 % 20, k / 400].map(|c| c as f32 * 1.5);
+            let all: Vec<_> =
+                (0..n).map(position).map(|[x, y, z]| Sphere::new([x + at, y, z], 0.5)).collect();
             let (algorithm, space) = (Algorithm::CellList, Space::UNBOUNDED);
             let spheres = (&all).into();
             let request =

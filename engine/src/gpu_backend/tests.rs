@@ -32,8 +32,9 @@ fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
         word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (word >> 8) as f32 / (1 << 24) as f32
     };
-    let mut place = || (unit() * 16384.0).floor() / 128.0;
-    let mut spheres: Vec<_> = (0..75_000).map(|_| Sphere::new([place(), place(), place()], 0.5)).collect();
+    let mut coordinate = || (unit() * 16384.0).floor() / 128.0;
+    let mut spheres: Vec<_> =
+        (0..75_000).map(|_| Sphere::new([coordinate(), coordinate(), coordinate()], 0.5)).collect();
     spheres[99] = Sphere::new([64.0; 3], 8.0);
     let config = Config::default().algorithm(Algorithm::CellList);
     let mut host = Detector::new(config.clone().backend(Backend::Cpu)).expect("made");
@@ -143,9 +144,10 @@ fn automatic_skin_never_changes_a_result() {
         word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         (word >> 8) as f32 / (1 << 24) as f32
     };
-    let mut place = |scale: f32| (unit() * scale * 4096.0).floor() / 4096.0;
-    let mut spheres: Vec<_> =
-        (0..10_000).map(|_| Sphere::new([place(32.0), place(32.0), place(32.0)], 0.5)).collect();
+    let mut coordinate = |scale: f32| (unit() * scale * 4096.0).floor() / 4096.0;
+    let mut spheres: Vec<_> = (0..10_000)
+        .map(|_| Sphere::new([coordinate(32.0), coordinate(32.0), coordinate(32.0)], 0.5))
+        .collect();
     let mut host = Detector::new(Config::default().backend(Backend::Cpu).skin(Skin::Off)).expect("made");
     let config = Config::default().algorithm(Algorithm::CellList);
     let mut detector = made(gpu, config);
@@ -157,7 +159,7 @@ fn automatic_skin_never_changes_a_result() {
             u32::from(detector.backend().report().candidates.is_some_and(|stats| stats.rebuilt.is_none()));
         let scale = [0.004, 0.5, 0.0][step / 12 + step / 20];
         for sphere in &mut spheres {
-            sphere.center += glam::Vec3::from([place(scale), place(scale), place(scale)]);
+            sphere.center += glam::Vec3::from([coordinate(scale), coordinate(scale), coordinate(scale)]);
         }
     }
     assert!(served > 5, "{served} of 24 calls were served from candidates");
@@ -170,8 +172,8 @@ fn absent_species_enlarge_no_radius_and_lose_no_pair_when_they_return() {
     for (a, b, distance) in [(0, 0, 0.5), (0, 1, 6.0), (1, 2, 1.0), (2, 2, 0.25)] {
         table.set(a, b, Interaction::Within(distance)).expect("known species");
     }
-    let place = |k: u32| [7, 11, 13].map(|step| (k * step % 1009) as f32 / 60.0);
-    let spheres: Vec<_> = (0..2000).map(|k| Sphere::new(place(k), 0.1)).collect();
+    let position = |k: u32| [7, 11, 13].map(|step| (k * step % 1009) as f32 / 60.0);
+    let spheres: Vec<_> = (0..2000).map(|k| Sphere::new(position(k), 0.1)).collect();
     // The species of the last ten spheres and of the others, and half the distance of species 0.
     let calls = [(0, 0, 0.25), (1, 0, 3.0), (1, 0, 3.0), (0, 0, 3.0), (0, 0, 0.25), (1, 0, 3.0), (2, 2, 0.0)];
     for skin in [Skin::Auto, Skin::Off, Skin::Fixed(0.5)] {
@@ -181,9 +183,9 @@ fn absent_species_enlarge_no_radius_and_lose_no_pair_when_they_return() {
         let mut detector = made(gpu.clone(), config);
         for (call, (last, others, half)) in calls.into_iter().enumerate() {
             let ids: Vec<u32> = (0..2000).map(|k| if k < 1990 { others } else { last }).collect();
-            let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
-            let expected = host.pairs(given).expect("valid").to_vec();
-            assert!(detector.pairs(given).expect("found") == expected, "{skin:?}, call {call}");
+            let spheres_with_ids = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+            let expected = host.pairs(spheres_with_ids).expect("valid").to_vec();
+            assert!(detector.pairs(spheres_with_ids).expect("found") == expected, "{skin:?}, call {call}");
             let searched = detector.backend().device.interactions.as_ref().expect("a table");
             assert_eq!(searched.species_radius(0).largest_half, half, "{skin:?}, call {call}");
         }
@@ -196,8 +198,8 @@ fn narrow_side_follows_the_crowd_and_loses_no_pair() {
     let mut table = Interactions::new(2, Interaction::Within(2.0)).expect("few species");
     table.set(0, 0, Interaction::Within(0.25)).expect("a known species");
     table.set(1, 1, Interaction::Within(0.0625)).expect("a known species");
-    let place = |k: u32| [7, 11, 13].map(|step| (k * step % 1009) as f32 / 128.0);
-    let spheres: Vec<_> = (0..3000).map(|k| Sphere::new(place(k), 0.01)).collect();
+    let position = |k: u32| [7, 11, 13].map(|step| (k * step % 1009) as f32 / 128.0);
+    let spheres: Vec<_> = (0..3000).map(|k| Sphere::new(position(k), 0.01)).collect();
     // The species of all but the last ten spheres, and that of the device's sides.
     let calls = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 1), (0, 1), (0, 0)];
     for skin in [Skin::Auto, Skin::Off, Skin::Fixed(0.125)] {
@@ -207,9 +209,9 @@ fn narrow_side_follows_the_crowd_and_loses_no_pair() {
         let mut detector = made(gpu.clone(), config);
         for (call, (most, frequent)) in calls.into_iter().enumerate() {
             let ids: Vec<u32> = (0..3000).map(|k| if k < 2990 { most } else { 1 - most }).collect();
-            let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
-            let expected = host.pairs(given).expect("valid").to_vec();
-            assert!(detector.pairs(given).expect("found") == expected, "{skin:?}, call {call}");
+            let spheres_with_ids = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+            let expected = host.pairs(spheres_with_ids).expect("valid").to_vec();
+            assert!(detector.pairs(spheres_with_ids).expect("found") == expected, "{skin:?}, call {call}");
             assert_eq!(
                 detector.backend().species.frequent.searched(),
                 Some(frequent),

@@ -40,7 +40,7 @@ pub(crate) struct CellGrid {
     /// Touching spheres are in equal or adjacent cells.
     pub(crate) adjoining: bool,
     /// Largest effective radius plus rounding.
-    padded_largest: f64,
+    padding: f64,
     largest: f32,
 }
 
@@ -106,7 +106,7 @@ impl CellGrid {
         let folded = reduced && (periodic.contains(&false) || cells != size.map(f64::from));
         let far = min.abs().max(max.abs()).max_element();
         let slack = if folded { 0.0 } else { f64::from(far) * ROUNDING };
-        let padded_largest = f64::from(largest) * (1.0 + RADIUS_ROUNDING) + slack;
+        let padding = f64::from(largest) * (1.0 + RADIUS_ROUNDING) + slack;
         let last = cells.map(|cells| cells - 1.0);
         let axes = Axes {
             per_length: [cell_sizes[0].recip(), cell_sizes[1].recip(), cell_sizes[2].recip(), 0.0],
@@ -114,21 +114,10 @@ impl CellGrid {
             last: [last[0], last[1], last[2], 0.0],
         };
         let narrowest = cell_sizes.into_iter().fold(f64::INFINITY, f64::min);
-        let adjoining = !folded && (f64::from(largest) + padded_largest) * (1.0 + 1e-6) <= narrowest;
+        let adjoining = !folded && (f64::from(largest) + padding) * (1.0 + 1e-6) <= narrowest;
         let circular = folded || periodic.contains(&true);
         let per_size = size.map(|size| f64::from(size).recip());
-        Self {
-            per_size,
-            axes,
-            cell_sizes,
-            periodic,
-            size,
-            folded,
-            circular,
-            adjoining,
-            padded_largest,
-            largest,
-        }
+        Self { per_size, axes, cell_sizes, periodic, size, folded, circular, adjoining, padding, largest }
     }
 
     pub(crate) fn largest(&self) -> f32 {
@@ -137,7 +126,7 @@ impl CellGrid {
 
     pub(crate) fn rows_around(&self, radius: f64) -> f64 {
         let cells = |axis: usize| {
-            let around = 1.0 + 2.0 * (radius + self.padded_largest).max(0.0) / self.cell_sizes[axis];
+            let around = 1.0 + 2.0 * (radius + self.padding).max(0.0) / self.cell_sizes[axis];
             around.min(f64::from(self.size[axis]))
         };
         cells(1) * cells(2)
@@ -170,9 +159,9 @@ impl CellGrid {
         if self.folded {
             return self.circular_block([x, y, z], r);
         }
-        let half_width = f64::from(r) * (1.0 + RADIUS_ROUNDING) + self.padded_largest;
-        let low = vector.cell(&self.axes, [x, y, z], -half_width);
-        let high = vector.cell(&self.axes, [x, y, z], half_width);
+        let half = f64::from(r) * (1.0 + RADIUS_ROUNDING) + self.padding;
+        let low = vector.cell(&self.axes, [x, y, z], -half);
+        let high = vector.cell(&self.axes, [x, y, z], half);
         if self.circular {
             let is_outermost = |axis: usize| low[axis] == 0 || high[axis] + 1 >= self.size[axis];
             if (0..3).any(|axis| self.periodic[axis] & is_outermost(axis)) {
@@ -205,12 +194,8 @@ impl CellGrid {
     fn interior(&self, axis: usize, at: f64) -> [f32; 2] {
         let cell_size = self.cell_sizes[axis];
         let lower = at * cell_size;
-        let slack =
-            (lower.abs() + cell_size + self.padded_largest) * SINGLE_ROUNDING + f64::from(f32::MIN_POSITIVE);
-        [
-            (lower + self.padded_largest + slack) as f32,
-            (lower + cell_size - self.padded_largest - slack) as f32,
-        ]
+        let slack = (lower.abs() + cell_size + self.padding) * SINGLE_ROUNDING + f64::from(f32::MIN_POSITIVE);
+        [(lower + self.padding + slack) as f32, (lower + cell_size - self.padding - slack) as f32]
     }
 
     /// Returns `true` if no cell is adjacent to another cell both inside the box and across its boundary.
@@ -240,28 +225,26 @@ impl CellGrid {
         let (mut first, mut last) = ([0; 3], [0; 3]);
         for axis in 0..3 {
             let (x, per_length) = (f64::from(center[axis]), self.axes.per_length[axis]);
-            let half_width =
-                f64::from(radius) * (1.0 + RADIUS_ROUNDING) + self.padded_largest + x.abs() * ROUNDING;
+            let half = f64::from(radius) * (1.0 + RADIUS_ROUNDING) + self.padding + x.abs() * ROUNDING;
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
                     let cells = self.axes.last[axis] + 1.0;
                     // Wrapping may move a coordinate by the rounding of a length, so a center at the end of the axis
                     // may touch the first cell.
-                    let (at, span) =
-                        (x * per_length + 0.5 * cells, half_width * per_length + cells * ROUNDING);
+                    let (at, span) = (x * per_length + 0.5 * cells, half * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }
                 (false, true) if (x * per_length).abs() >= MAX_COUNTED_CELLS => {
-                    let is_near = half_width * per_length < FAR_CELLS;
+                    let is_near = half * per_length < FAR_CELLS;
                     first[axis] = if is_near { self.far_cell(axis, center[axis]) } else { 0 };
                     last[axis] = if is_near { first[axis] } else { self.size[axis] - 1 };
                     continue;
                 }
-                (false, true) => (floor((x - half_width) * per_length), floor((x + half_width) * per_length)),
+                (false, true) => (floor((x - half) * per_length), floor((x + half) * per_length)),
                 (false, false) => {
                     let cell = |at: f64| (at * per_length - self.axes.origin[axis]).max(0.0);
                     let cut = |at: f64| cell(at).min(self.axes.last[axis]) as i64;
-                    (cut(x - half_width), cut(x + half_width))
+                    (cut(x - half), cut(x + half))
                 }
             };
             first[axis] = self.fold(axis, low);

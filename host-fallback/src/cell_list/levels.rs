@@ -215,7 +215,7 @@ mod tests {
             })
             .collect();
         let settings = Settings::default();
-        let input = SearchInput::surveyed(PairTest::new((&spheres).into(), None), &settings);
+        let input = SearchInput::with_stats(PairTest::new((&spheres).into(), None), &settings);
         let mut density = DensityProfile::sample(&input).expect("there is memory");
         density.searches = searches;
         LevelPlan::plan(&input.stats, &density)

@@ -98,13 +98,13 @@ fn groups_of_species_match_naive() {
             13 => (3000_u32, 0.2),
             _ => (900, if seed % 5 == 0 { 4.0 } else { 25.0 }),
         };
-        let given = scattered(n, seed % 4, extent);
+        let all = scattered(n, seed % 4, extent);
         let ids: Vec<u32> =
             (0..n).map(|k| (k.wrapping_mul(2_654_435_761) >> 20) % species.max(2) % species).collect();
         let subset = |range: Range<usize>| {
-            Spheres::from(&given[range.clone()]).with_species(&ids[range]).expect("as many")
+            Spheres::from(&all[range.clone()]).with_species(&ids[range]).expect("as many")
         };
-        let spheres = subset(0..given.len());
+        let spheres = subset(0..all.len());
         let space = match seed % 4 {
             3 => Space::periodic([Some(16.0), None, Some(17.5)]).expect("a box"),
             _ => Space::UNBOUNDED,
@@ -125,9 +125,9 @@ fn groups_of_species_match_naive() {
             let prepared = prepared.expect("all are valid");
             let test = prepared.test(&settings);
             let groups = prepared.groups;
-            let surveyed = SearchInput::surveyed(test, &settings);
+            let searched = SearchInput::with_stats(test, &settings);
             let executor = Executor::Caller;
-            let mut input = SearchInput { executor, split, groups, ..surveyed };
+            let mut input = SearchInput { executor, split, groups, ..searched };
             let mut expected = Vec::new();
             for i in 0..n {
                 for j in i + 1..n {
@@ -162,7 +162,7 @@ fn groups_of_species_match_naive() {
                 let first = split.unwrap_or(0);
                 let found = match split {
                     None => detector.pairs(spheres),
-                    Some(split) => detector.pairs((subset(0..split), subset(split..given.len()))),
+                    Some(split) => detector.pairs((subset(0..split), subset(split..all.len()))),
                 };
                 let found: Vec<_> = found
                     .expect("the spheres are valid")
@@ -186,7 +186,7 @@ fn slightly_too_many_cells_do_not_fold_the_table() {
         let mut spheres = cloud.clone();
         spheres.iter_mut().for_each(|sphere| sphere.center += 1700.0 * shift as f32);
         let settings = Settings::default();
-        let input = SearchInput::surveyed(PairTest::new((&spheres).into(), None), &settings);
+        let input = SearchInput::with_stats(PairTest::new((&spheres).into(), None), &settings);
         let mut list = CellList::default();
         let density_cache = DensityCache::from_last(None, &input).expect("there is memory");
         list.build(&input, &density_cache, &mut Report::default()).expect("there is memory");

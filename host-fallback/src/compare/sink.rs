@@ -322,12 +322,12 @@ impl Sink for Writer<'_, '_> {
 
     #[inline(always)]
     fn pairs_at(&mut self, pairs: &[Pair], order: &[u32]) {
-        for some in pairs.chunks(MAX_LANES) {
+        for chunk in pairs.chunks(MAX_LANES) {
             if self.counting || self.output.window.is_some() {
-                some.iter().for_each(|&pair| self.pair(pair_at(pair, order)));
+                chunk.iter().for_each(|&pair| self.pair(pair_at(pair, order)));
             } else if let Some(slots) = self.free_slots() {
-                slots.iter_mut().zip(some).for_each(|(slot, &pair)| *slot = pair_at(pair, order));
-                self.len += some.len();
+                slots.iter_mut().zip(chunk).for_each(|(slot, &pair)| *slot = pair_at(pair, order));
+                self.len += chunk.len();
             }
         }
     }

@@ -197,15 +197,15 @@ mod tests {
             for simd in [Simd::detect(), Simd::Portable] {
                 let mut found = vec![Sphere::default(); spheres.len()];
                 copy((&spheres).into(), &mut found, Some(&space), simd, Executor::Caller);
-                for (given, found) in spheres.iter().zip(&found).take(spheres.len() - 1) {
-                    let expected = space.wrap(given.center);
+                for (sphere, found) in spheres.iter().zip(&found).take(spheres.len() - 1) {
+                    let expected = space.wrap(sphere.center);
                     for axis in [0, 2] {
                         let is_tie = (2.0 * f64::from(expected[axis])).abs() == f64::from(length);
                         let is_same = found.center[axis] == expected[axis]
                             || is_tie && found.center[axis] == -expected[axis];
-                        assert!(is_same, "{given:?} in {length:e}: {found:?}, not {expected}");
+                        assert!(is_same, "{sphere:?} in {length:e}: {found:?}, not {expected}");
                     }
-                    assert_eq!((found.center.y, found.radius), (given.center.y, 0.5));
+                    assert_eq!((found.center.y, found.radius), (sphere.center.y, 0.5));
                 }
                 assert!(!found[spheres.len() - 1].is_valid());
             }

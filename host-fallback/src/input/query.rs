@@ -188,16 +188,16 @@ impl QueryBuffers {
             false => check_valid(query, executor),
         };
         let last = last.filter(|last| !last.is_triclinic_f32());
-        let mut given = None;
+        let mut checked = None;
         if let Some(last) = last.as_ref().filter(|last| !last.is_trimmed()) {
             let bounds = self.fill(query, last, settings, executor)?;
             check(&bounds)?;
             if last.fits(&bounds, space) {
                 return Ok(last.clone().with_growth_in(&bounds));
             }
-            given = Some(bounds);
+            checked = Some(bounds);
         }
-        let bounds = given.unwrap_or_else(|| Bounds::from_query(query, executor));
+        let bounds = checked.unwrap_or_else(|| Bounds::from_query(query, executor));
         check(&bounds)?;
         let frame = SearchFrame::new(&bounds, space);
         let trimmed = {
@@ -217,13 +217,13 @@ impl QueryBuffers {
         frame: &SearchFrame,
     ) -> impl Fn(usize) -> [f64; 4] + Sync {
         let species_radii = frame_species_radii(&self.groups, settings, frame);
-        let given = move |set: Spheres<'_>, k| {
+        let effective_row = move |set: Spheres<'_>, k| {
             InputSpheres::new(set, species_radii, frame, &settings.space).effective_row(k)
         };
         let first = query.first();
         move |k: usize| match query.second() {
-            Some(second) if k >= first.len() => given(second, k - first.len()),
-            _ => given(first, k),
+            Some(second) if k >= first.len() => effective_row(second, k - first.len()),
+            _ => effective_row(first, k),
         }
     }
 

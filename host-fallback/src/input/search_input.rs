@@ -21,7 +21,7 @@ pub(crate) struct SearchInput<'a> {
 
 #[cfg(test)]
 impl<'a> SearchInput<'a> {
-    pub(crate) fn surveyed(test: PairTest<'a>, settings: &'a Settings) -> Self {
+    pub(crate) fn with_stats(test: PairTest<'a>, settings: &'a Settings) -> Self {
         let stats = InputStats::from_test(&test, Executor::Pool).expect("all are valid");
         let (simd, executor) = (Simd::detect(), Executor::Pool);
         Self { test, stats, settings, simd, executor, split: None, groups: None }

@@ -169,7 +169,7 @@ fn without_a_list_every_call_searches() {
 #[test]
 fn head_on_spheres_are_found_when_they_touch() {
     for skin in [Skin::Fixed(0.5), Skin::Auto] {
-        let place = |k: usize, by: f32| {
+        let spheres_at = |k: usize, by: f32| {
             let gap = 1.5 * k as f32 / 1000.0;
             let [x, y] = [4.0 * (k % 40) as f32, 4.0 * (k / 40) as f32];
             let half = 0.25 + gap / 2.0 - by;
@@ -180,7 +180,7 @@ fn head_on_spheres_are_found_when_they_touch() {
         let mut served = 0;
         for step in 0..60 {
             let by = step as f32 / 80.0;
-            let spheres: Vec<_> = (0..1000).flat_map(|k| place(k, by)).collect();
+            let spheres: Vec<_> = (0..1000).flat_map(|k| spheres_at(k, by)).collect();
             let expected = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })
                 .expect("good settings")
                 .count(&spheres);
@@ -238,8 +238,8 @@ fn radii_without_effect_are_checked_while_candidates_serve() {
         let mut detector = HostDetector::new(settings).expect("good settings");
         let (spheres, ids) = (gas(2000, 1, 20.0), vec![0; 2000]);
         let mut count = |spheres: &[Sphere]| {
-            let given = Spheres::from(spheres).with_species(&ids).expect("one id for each");
-            (detector.count(given), detector.report().candidates.map(|stats| stats.rebuilt))
+            let spheres_with_ids = Spheres::from(spheres).with_species(&ids).expect("one id for each");
+            (detector.count(spheres_with_ids), detector.report().candidates.map(|stats| stats.rebuilt))
         };
         let (expected, _) = count(&spheres);
         for bad in [-5.0, f32::NAN, f32::NEG_INFINITY, f32::INFINITY] {
@@ -292,13 +292,17 @@ fn candidates_of_f64_spheres_are_tested_without_a_copy() {
                 rows.iter_mut().step_by(5).for_each(|row| row[0] += shift);
                 let centers: Vec<_> = rows.iter().map(|&[x, y, z, _]| [x, y, z]).collect();
                 let radii: Vec<_> = rows.iter().map(|row| row[3]).collect();
-                let given = match call % 2 {
+                let set = match call % 2 {
                     0 => Spheres::from(&rows),
                     _ => Spheres::points(&centers, Radii::Each(&radii)).expect("one radius each"),
                 };
-                let given = given.with_species(&ids).expect("one id for each");
-                let expected = off.pairs(given).expect("valid");
-                assert_eq!(detector.pairs(given).expect("valid"), expected, "{space:?}, call {call}");
+                let spheres_with_ids = set.with_species(&ids).expect("one id for each");
+                let expected = off.pairs(spheres_with_ids).expect("valid");
+                assert_eq!(
+                    detector.pairs(spheres_with_ids).expect("valid"),
+                    expected,
+                    "{space:?}, call {call}"
+                );
                 if detector.report().candidates.is_some_and(|stats| stats.rebuilt.is_none()) {
                     served += 1;
                     assert!(detector.report().phases.iter().all(|phase| phase.name != "copy"));

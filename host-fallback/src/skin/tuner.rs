@@ -54,12 +54,12 @@ impl SkinTuner {
     }
 
     /// Records the age of the list in calls, the largest used fraction of a limit, and the reason for a rebuild.
-    pub fn record_age(&mut self, (age, moved): (u32, f32), rebuild_reason: Option<RebuildReason>) {
+    pub fn record_age(&mut self, (age, fraction): (u32, f32), rebuild_reason: Option<RebuildReason>) {
         if age == 1 {
-            self.first = moved;
+            self.first = fraction;
         }
         if let (Some(RebuildReason::Displacement), Some(choice)) = (rebuild_reason, &self.choice) {
-            self.displacements.learn(self.first * choice.skin, age, moved * choice.skin);
+            self.displacements.learn(self.first * choice.skin, age, fraction * choice.skin);
             // A list that lasted about as predicted is not reconsidered soon.
             let is_as_expected = AS_EXPECTED.contains(&(age as f32 / (choice.calls + 1.0)));
             self.wait = if is_as_expected { self.wait } else { 0 };
@@ -176,23 +176,23 @@ mod tests {
         let side = (n as f32).cbrt() * 1.6;
         let space = Space::periodic([Some(f64::from(side)); 3]).expect("a box");
         let mut spheres: Vec<_> = (0..n).map(|_| Sphere::new(random.point(side / 2.0), 0.5)).collect();
-        let ways: Vec<_> = (0..n).map(|_| glam::Vec3::from(random.point(1.0)).normalize()).collect();
-        let (mut held, mut gone, mut age, mut served) = (None, 0.0, 0, 0);
+        let directions: Vec<_> = (0..n).map(|_| glam::Vec3::from(random.point(1.0)).normalize()).collect();
+        let (mut held, mut displacement, mut age, mut served) = (None, 0.0, 0, 0);
         for _ in 0..calls {
             tuner.look((&spheres).into(), None, space).expect("there is memory");
             if let Some(skin) = held {
-                (age, gone) = (age + 1, gone + step);
-                let rebuild_reason = (gone > skin / 2.0).then_some(RebuildReason::Displacement);
-                tuner.record_age((age, gone / (skin / 2.0)), rebuild_reason);
+                (age, displacement) = (age + 1, displacement + step);
+                let rebuild_reason = (displacement > skin / 2.0).then_some(RebuildReason::Displacement);
+                tuner.record_age((age, displacement / (skin / 2.0)), rebuild_reason);
                 served += u32::from(rebuild_reason.is_none());
                 held = held.filter(|_| rebuild_reason.is_none());
             }
             if held.is_none() {
                 held = tuner.skin((&spheres).into(), None, space, costs).expect("valid");
-                (age, gone) = (0, 0.0);
+                (age, displacement) = (0, 0.0);
             }
-            for (sphere, way) in spheres.iter_mut().zip(&ways) {
-                sphere.center += step * way;
+            for (sphere, direction) in spheres.iter_mut().zip(&directions) {
+                sphere.center += step * direction;
             }
         }
         (served, held)

@@ -17,13 +17,13 @@ fn effective_variant_has_the_whole_text() {
 #[test]
 fn variant_for_device_fits_its_workgroup_memory() {
     let plain = Variant::default();
-    let given = Variant::for_device;
-    assert_eq!(given(Some(32), 48 << 10), Variant { subgroups: Some(32), ..plain });
-    assert_eq!(given(None, 48 << 10), plain);
-    assert_eq!(given(Some(2), 48 << 10), plain);
-    assert_eq!(given(Some(32), 16 << 10), Variant { subgroups: Some(32), ..plain });
-    assert_eq!(given(Some(8), 16 << 10), plain);
-    assert_eq!(given(Some(8), 20 << 10), Variant { subgroups: Some(8), ..plain });
+    let variant_for = Variant::for_device;
+    assert_eq!(variant_for(Some(32), 48 << 10), Variant { subgroups: Some(32), ..plain });
+    assert_eq!(variant_for(None, 48 << 10), plain);
+    assert_eq!(variant_for(Some(2), 48 << 10), plain);
+    assert_eq!(variant_for(Some(32), 16 << 10), Variant { subgroups: Some(32), ..plain });
+    assert_eq!(variant_for(Some(8), 16 << 10), plain);
+    assert_eq!(variant_for(Some(8), 20 << 10), Variant { subgroups: Some(8), ..plain });
 }
 
 #[test]

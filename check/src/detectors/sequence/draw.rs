@@ -235,7 +235,7 @@ fn ask(random: &mut Random, spheres: usize) -> Ask {
     }
 }
 
-pub(super) fn place(random: &mut Random, extent: [f32; 3]) -> Vec3 {
+pub(super) fn random_position(random: &mut Random, extent: [f32; 3]) -> Vec3 {
     Vec3::from(extent.map(|extent| random.unit() * extent))
 }
 
@@ -255,6 +255,6 @@ pub(super) fn radius(random: &mut Random, kind: u32, k: usize, radius: f32) -> f
         }
 }
 
-pub(super) fn at_new_places(random: &mut Random, extent: [f32; 3], radii: &[f32]) -> Vec<Sphere> {
-    radii.iter().map(|&radius| Sphere::new(place(random, extent), radius)).collect()
+pub(super) fn at_new_positions(random: &mut Random, extent: [f32; 3], radii: &[f32]) -> Vec<Sphere> {
+    radii.iter().map(|&radius| Sphere::new(random_position(random, extent), radius)).collect()
 }

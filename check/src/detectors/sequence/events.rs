@@ -1,7 +1,7 @@
 use glam::Vec3;
 use lazygrid::{Sphere, Spheres};
 
-use super::draw::{at_new_places, number, place, radius};
+use super::draw::{at_new_positions, number, radius, random_position};
 use crate::scenes::motion::walk;
 use crate::{DetectorVariant, ExclusionCase, Random, TestInput};
 
@@ -31,7 +31,7 @@ impl World {
         let kind = if random.below(2) == 0 { 0 } else { random.below(10) };
         let unit = if random.below(3) == 0 { 0.2 * self.radius } else { self.radius };
         let sphere = |k| {
-            let center = place(random, self.extent);
+            let center = random_position(random, self.extent);
             Sphere::new(center, radius(random, kind, k, unit))
         };
         (0..n).map(sphere).collect()
@@ -63,7 +63,7 @@ impl World {
         match random.below(10) {
             0..=3 => self.radii(random),
             4 | 5 => self.numbers(random),
-            6 | 7 => self.places(random),
+            6 | 7 => self.change_positions(random),
             8 => self.species(random),
             _ => self.change_exclusions(random),
         }
@@ -108,8 +108,9 @@ impl World {
                 "new size classes"
             }
             7 => {
-                let some = |s: &mut Sphere| s.radius = if random.below(4) == 0 { unit } else { s.radius };
-                spheres.iter_mut().for_each(some);
+                let resize_some =
+                    |s: &mut Sphere| s.radius = if random.below(4) == 0 { unit } else { s.radius };
+                spheres.iter_mut().for_each(resize_some);
                 "some radii new"
             }
             8 => {
@@ -164,10 +165,10 @@ impl World {
         self.scenario = self.scenario.only(|k| k != one);
     }
 
-    fn places(&mut self, random: &mut Random) -> &'static str {
+    fn change_positions(&mut self, random: &mut Random) -> &'static str {
         let (one, other, extent, unit) = (self.one(random), self.one(random), self.extent, self.radius);
         let n = self.scenario.spheres.len();
-        let shift = place(random, extent) * [1e-3, 0.1, 1.0][random.below(3) as usize];
+        let shift = random_position(random, extent) * [1e-3, 0.1, 1.0][random.below(3) as usize];
         let spheres = &mut self.scenario.spheres;
         if n == 0 {
             return "still";
@@ -180,19 +181,19 @@ impl World {
                 "one next to another"
             }
             2 => {
-                let some = |k: &usize| k % 7 == one % 7;
+                let is_seventh = |k: &usize| k % 7 == one % 7;
                 (0..n)
-                    .filter(some)
+                    .filter(is_seventh)
                     .for_each(|k| spheres[k].center = finite(near(spheres[(k + other) % n].center, random)));
                 "some next to others"
             }
             3 => {
-                spheres[one].center = place(random, extent);
+                spheres[one].center = random_position(random, extent);
                 "one elsewhere"
             }
             4 => {
                 let radii: Vec<f32> = spheres.iter().map(|s| s.radius).collect();
-                *spheres = at_new_places(random, extent, &radii);
+                *spheres = at_new_positions(random, extent, &radii);
                 "all at new places"
             }
             5 => {

@@ -62,11 +62,12 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
         while group > 0 {
             let mut from = 0;
             while from < most(&self.sequence).unwrap_or(0) && self.left > 0 {
-                let gone = from..from + group;
+                let removed = from..from + group;
                 let mut smaller = self.sequence.clone();
                 for Step { scenario, ask, .. } in &mut smaller.steps {
-                    *scenario = scenario.only(|k| !gone.contains(&k));
-                    ask.split = ask.split.map(|split| split - split.min(gone.end).saturating_sub(gone.start));
+                    *scenario = scenario.only(|k| !removed.contains(&k));
+                    ask.split =
+                        ask.split.map(|split| split - split.min(removed.end).saturating_sub(removed.start));
                 }
                 if !self.attempt(smaller) {
                     from += group;

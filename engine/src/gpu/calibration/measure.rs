@@ -79,8 +79,8 @@ pub(super) fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
     let side = (volume / density).cbrt();
     // Additive recurrence by powers of 1/x for the root of x⁴ = x + 1.
     const STEPS: [f64; 3] = [0.819_172_513_396_164_4, 0.671_043_606_703_789_2, 0.549_700_477_901_970_2];
-    let place = |k: usize| STEPS.map(|step| (k as f64 * step).fract() as f32 * side);
-    (0..spheres as usize).map(|k| Sphere::new(place(k), radius(k))).collect()
+    let position = |k: usize| STEPS.map(|step| (k as f64 * step).fract() as f32 * side);
+    (0..spheres as usize).map(|k| Sphere::new(position(k), radius(k))).collect()
 }
 
 #[cfg(test)]

@@ -49,7 +49,7 @@ pub(crate) struct AlgorithmChoice {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LayoutSource {
-    Survey,
+    ThisCall,
     /// The last submitted call if it had equal parameters, otherwise statistics.
     EarlierCall,
 }
@@ -148,7 +148,8 @@ impl GpuDetector {
     fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
         let plan = self.plan_for(spheres, choice)?;
         // Releasing old buffers first avoids holding both.
-        let reusable = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
+        let reusable =
+            self.prepared.take().filter(|prepared| prepared.buffers.have_capacity_for(&plan.buffers));
         if let Some(mut prepared) = reusable {
             if prepared.plan.deferred_parts != plan.deferred_parts {
                 prepared.recordings = SmallCache::NONE;
@@ -258,7 +259,7 @@ impl GpuDetector {
     /// # Errors
     /// See [`encode`](Self::encode).
     pub fn bind(&mut self, input: &GpuSpheres<'_>) -> Result<GpuOutput, Error> {
-        self.bind_as(self.algorithm_choice(), input, LayoutSource::Survey)
+        self.bind_as(self.algorithm_choice(), input, LayoutSource::ThisCall)
     }
 
     /// Returns the number of parts of the bound call; 0 before the first call.

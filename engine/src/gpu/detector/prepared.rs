@@ -52,8 +52,7 @@ impl Prepared {
     }
 
     pub(super) fn output(&self) -> GpuOutput {
-        let [pairs, outcome] =
-            [BufferId::Pairs, BufferId::Outcome].map(|slot| self.buffers.get(slot).clone());
+        let [pairs, outcome] = [BufferId::Pairs, BufferId::Outcome].map(|id| self.buffers.get(id).clone());
         let sorted = (self.plan.algorithm == Algorithm::CellList).then(|| CellOrder {
             order: self.buffers.get(self.plan.order()).clone(),
             spheres: self.buffers.get(BufferId::Sorted).clone(),

@@ -217,8 +217,9 @@ impl GpuSkinDetector {
         let spheres = input.check(&self.settings, &self.device)?;
         let pairs = self.settings.pair_capacity;
         let (parts, _) = skin::candidate_parts(self.search.pair_capacity(), self.search.budget());
-        let has_room = |had: &Resident| had.capacities[0] >= spheres && had.capacities[1..] == [pairs, parts];
-        let mut resident = match self.resident.take().filter(has_room) {
+        let has_capacity =
+            |had: &Resident| had.capacities[0] >= spheres && had.capacities[1..] == [pairs, parts];
+        let mut resident = match self.resident.take().filter(has_capacity) {
             Some(resident) => resident,
             None => self.allocate([spheres, pairs, parts])?,
         };
@@ -226,7 +227,7 @@ impl GpuSkinDetector {
         // The search has no window and split, so its candidates serve any.
         let mut reference = GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count);
         reference.species = buffers.find(BufferId::ReferenceSpecies).map(Into::into);
-        let found = self.search.bind_as(choice, &reference, LayoutSource::Survey)?;
+        let found = self.search.bind_as(choice, &reference, LayoutSource::ThisCall)?;
         // New search buffers invalidate the candidates.
         let candidates = match candidates.take().filter(|candidates| candidates.found == found) {
             Some(same) => candidates.insert(same),
@@ -242,7 +243,7 @@ impl GpuSkinDetector {
             reuses_layout: false,
         };
         self.record(buffers, candidates, key)?;
-        let [pairs, outcome] = [BufferId::Pairs, BufferId::Outcome].map(|slot| buffers.get(slot).clone());
+        let [pairs, outcome] = [BufferId::Pairs, BufferId::Outcome].map(|id| buffers.get(id).clone());
         self.resident = Some(resident);
         Ok(GpuOutput { pairs, capacity: self.settings.pair_capacity, outcome, sorted: None })
     }

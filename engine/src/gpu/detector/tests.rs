@@ -47,9 +47,9 @@ fn detector(gpu: &GpuDevice, settings: GpuConfig) -> GpuDetector {
 
 fn wrapped(gpu: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
     let mut detector = detector(gpu, GpuConfig::default().algorithm(Algorithm::Naive).space(space));
-    let given = upload(gpu, spheres);
+    let buffer = upload(gpu, spheres);
     let mut encoder = encoder(gpu);
-    let input = GpuSpheres::new(&given, spheres.len() as u32).in_window(0..0);
+    let input = GpuSpheres::new(&buffer, spheres.len() as u32).in_window(0..0);
     detector.encode(&mut encoder, &input).expect("recorded");
     let buffers = &detector.prepared.as_ref().expect("recorded").buffers;
     download(gpu, encoder, buffers.get(BufferId::Wrapped), spheres.len())
@@ -75,15 +75,15 @@ fn the_kernel_wraps_as_the_host_does() {
             coordinates.push([any, some, tie, tie.next_up(), tie.next_down(), far][k % 6]);
         }
         let spheres: Vec<Sphere> = coordinates.iter().map(|&x| Sphere::new([x, x, -x], 1.0)).collect();
-        for (given, found) in spheres.iter().zip(wrapped(&gpu, space, &spheres)) {
-            let expected = space.wrap(given.center);
+        for (sphere, found) in spheres.iter().zip(wrapped(&gpu, space, &spheres)) {
+            let expected = space.wrap(sphere.center);
             for axis in [0, 2] {
                 let (x, y) = (expected[axis], found.center[axis]);
                 // Zeroes compare equal. Non-finite values stay non-finite, so that kernels reject them.
                 let same = if x.is_nan() { !y.is_finite() } else { x == y };
-                assert!(same, "{:e} in {length:e}: {y:e} instead of {x:e}", given.center[axis]);
+                assert!(same, "{:e} in {length:e}: {y:e} instead of {x:e}", sphere.center[axis]);
             }
-            assert_eq!(given.center.y.to_bits(), found.center.y.to_bits());
+            assert_eq!(sphere.center.y.to_bits(), found.center.y.to_bits());
             assert_eq!(found.radius, 1.0);
         }
     }
@@ -97,12 +97,12 @@ fn continuation_is_timed_as_a_search() {
     }
     let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid).timestamps(true);
     let mut detector = detector(&gpu, settings.max_tests_per_dispatch(1 << 20));
-    let given = upload(&gpu, &[Sphere::new([1.0; 3], 0.5); 3000]);
+    let buffer = upload(&gpu, &[Sphere::new([1.0; 3], 0.5); 3000]);
     let ticks = |detector: &GpuDetector, encoder| -> Vec<[u64; 2]> {
         download(&gpu, encoder, detector.ticks().expect("timed"), GpuPhase::ALL.len())
     };
     let mut call = encoder(&gpu);
-    detector.encode(&mut call, &GpuSpheres::new(&given, 3000)).expect("recorded");
+    detector.encode(&mut call, &GpuSpheres::new(&buffer, 3000)).expect("recorded");
     let first = ticks(&detector, call);
     let mut continuation = encoder(&gpu);
     detector.encode_continuation(&mut continuation);
@@ -121,9 +121,9 @@ fn continuation_is_timed_as_a_search() {
 fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).tau(tau);
     let mut detector = detector(gpu, settings);
-    let given = upload(gpu, spheres);
+    let buffer = upload(gpu, spheres);
     let mut call = encoder(gpu);
-    detector.encode(&mut call, &GpuSpheres::new(&given, spheres.len() as u32)).expect("recorded");
+    detector.encode(&mut call, &GpuSpheres::new(&buffer, spheres.len() as u32)).expect("recorded");
     let Prepared { plan, buffers, .. } = detector.prepared.as_ref().expect("recorded");
     let outcome: Vec<Outcome> = download(gpu, call, buffers.get(BufferId::Outcome), 1);
     let grid: Vec<u8> =
@@ -132,7 +132,7 @@ fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
     let front = plan.passes() % 2 == 1;
     let count = outcome[0].entries_needed() as usize;
     let [keys, objects]: [Vec<u32>; 2] = [BufferId::Keys(front), BufferId::Objects(front)]
-        .map(|slot| download(gpu, encoder(gpu), buffers.get(slot), count));
+        .map(|id| download(gpu, encoder(gpu), buffers.get(id), count));
     let first_keys = 1 << grid.levels[0].bits.element_sum();
     let entries = keys.iter().zip(objects);
     entries.map(|(key, object)| (key >> grid.passive < first_keys, object & 0x1fff_ffff)).collect()

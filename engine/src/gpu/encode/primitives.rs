@@ -44,7 +44,7 @@ impl RadixSort {
         check_words("keys", &input.keys, count)?;
         check_words("payload", &input.payload, count)?;
         let mut sizes = sort_buffers(count).to_vec();
-        sizes.retain(|(slot, _)| !matches!(slot, BufferId::Keys(false) | BufferId::Objects(false)));
+        sizes.retain(|(id, _)| !matches!(id, BufferId::Keys(false) | BufferId::Objects(false)));
         let buffers = Buffers::allocate(&self.device, &sizes)?;
         let lengths = SortCounts::for_sort(count);
         let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;

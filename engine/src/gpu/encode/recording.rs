@@ -27,7 +27,7 @@ impl Buffers {
         Ok(Self(buffers))
     }
 
-    pub(crate) fn have_room_for(&self, sizes: &[(BufferId, u64)]) -> bool {
+    pub(crate) fn have_capacity_for(&self, sizes: &[(BufferId, u64)]) -> bool {
         sizes.iter().all(|(id, size)| self.0.get(id).is_some_and(|buffer| buffer.size() >= *size))
     }
 

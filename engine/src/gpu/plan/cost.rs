@@ -27,7 +27,7 @@ pub struct CallCost {
 impl Plan {
     pub(crate) fn cost(&self) -> CallCost {
         let pair_bytes =
-            self.buffers.iter().find(|(slot, _)| *slot == BufferId::Pairs).map_or(0, |(_, bytes)| *bytes);
+            self.buffers.iter().find(|(id, _)| *id == BufferId::Pairs).map_or(0, |(_, bytes)| *bytes);
         CallCost {
             algorithm: self.algorithm,
             spheres: self.spheres,

@@ -212,15 +212,16 @@ impl Plan {
         if let Some(column) = column_named(binding) {
             return Resource::Column(column);
         }
-        let given = if self.columns.is_some() { Resource::Own(BufferId::Rows) } else { Resource::Spheres };
+        let input_rows =
+            if self.columns.is_some() { Resource::Own(BufferId::Rows) } else { Resource::Spheres };
         Resource::Own(match binding {
             "params" => return Resource::SearchParams(dispatch.first_group),
             "count_source" => return Resource::Count,
             "digit_pass" => return Resource::RadixPass(dispatch.pass),
             "columns" => return Resource::Columns,
             "rows" => BufferId::Rows,
-            "given" => return given,
-            "spheres" if !self.periodic || self.algorithm == Algorithm::CellList => return given,
+            "given" => return input_rows,
+            "spheres" if !self.periodic || self.algorithm == Algorithm::CellList => return input_rows,
             "spheres" | "wrapped" => BufferId::Wrapped,
             "species" => return Resource::Species,
             "species_params" => return Resource::SpeciesParams,
@@ -319,9 +320,9 @@ const SPLIT: &str = "split the spheres or take a device with a larger limit";
 
 pub(super) fn check_buffers(buffers: &[(BufferId, u64)], limits: &DeviceLimits) -> Result<(), Error> {
     let limit = limits.bytes();
-    for &(slot, needed) in buffers {
+    for &(id, needed) in buffers {
         if needed > limit {
-            let (what, remedy) = match slot {
+            let (what, remedy) = match id {
                 BufferId::Pairs => {
                     ("the pair buffer", "use a smaller pair capacity and take the result in parts")
                 }

@@ -75,7 +75,7 @@ fn no_sphere_has_more_chunks_of_candidates_than_workgroups_can_be_dispatched() {
 }
 
 #[test]
-fn four_million_spheres_have_room_for_all_entries_on_lavapipe() {
+fn four_million_spheres_have_capacity_for_all_entries_on_lavapipe() {
     assert_eq!(plan(&request(4_000_000, 1 << 20), &LAVAPIPE).expect("fits").entries, 32_000_000);
 }
 
@@ -109,7 +109,7 @@ fn every_binding_has_a_resource_and_sort_passes_alternate() {
 }
 
 #[test]
-fn grid_without_room_for_an_entry_per_sphere_is_refused() {
+fn grid_without_capacity_for_an_entry_per_sphere_is_refused() {
     let small = DeviceLimits { storage_binding: 1 << 20, ..LAVAPIPE };
     assert!(matches!(plan(&request(1 << 20, 1), &small), Err(Error::LimitExceeded { .. })));
 }

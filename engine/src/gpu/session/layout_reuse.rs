@@ -20,7 +20,7 @@ pub(super) struct LayoutReuse {
 
 impl LayoutReuse {
     pub(super) fn source(&self, may_reuse: bool) -> LayoutSource {
-        if may_reuse && self.left > 0 { LayoutSource::EarlierCall } else { LayoutSource::Survey }
+        if may_reuse && self.left > 0 { LayoutSource::EarlierCall } else { LayoutSource::ThisCall }
     }
 
     pub(super) fn record(&mut self, has_reused: bool, outcome: &Outcome) {
@@ -60,10 +60,10 @@ mod tests {
     }
 
     #[test]
-    fn every_seventeenth_call_surveys() {
+    fn every_seventeenth_call_has_a_new_layout() {
         let reused = searches(&mut LayoutReuse::default(), 40, |_| false);
-        let surveys: Vec<usize> = (0..40).filter(|&call| !reused[call]).collect();
-        assert_eq!(surveys, [0, 17, 34]);
+        let new_layouts: Vec<usize> = (0..40).filter(|&call| !reused[call]).collect();
+        assert_eq!(new_layouts, [0, 17, 34]);
     }
 
     #[test]
@@ -75,14 +75,14 @@ mod tests {
     }
 
     #[test]
-    fn calls_with_overfull_cells_are_surveyed() {
+    fn calls_with_overfull_cells_have_a_new_layout() {
         let mut reuse = LayoutReuse::default();
         let mut outcome = Outcome::default();
         outcome.max_occupancy = 100;
         reuse.record(false, &outcome);
-        assert_eq!(reuse.source(true), LayoutSource::Survey);
+        assert_eq!(reuse.source(true), LayoutSource::ThisCall);
         reuse.record(false, &Outcome::default());
         assert_eq!(reuse.source(true), LayoutSource::EarlierCall);
-        assert_eq!(reuse.source(false), LayoutSource::Survey);
+        assert_eq!(reuse.source(false), LayoutSource::ThisCall);
     }
 }

@@ -40,7 +40,7 @@ pub struct GpuSession {
     candidate_list_stats: Option<CandidateListStats>,
     requested: AlgorithmChoice,
     timeout: Duration,
-    slots: [CallBuffers; MAX_IN_FLIGHT],
+    call_buffers: [CallBuffers; MAX_IN_FLIGHT],
     calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
     /// The call whose result is in the detector's buffers.
@@ -105,7 +105,7 @@ impl GpuSession {
             candidate_list_stats: None,
             gpu,
             timeout: Duration::from_secs(600),
-            slots: Default::default(),
+            call_buffers: Default::default(),
             calls: [(); MAX_IN_FLIGHT].map(|()| QueuedCall::new(requested)),
             begun: 0,
             submitted: None,
@@ -226,8 +226,8 @@ impl GpuSession {
 
     /// Returns the bytes of input and staging buffers.
     pub fn held_bytes(&self) -> u64 {
-        let lent = self.pending.iter().flatten().map(|pending| pending.staging.size());
-        self.slots.iter().map(CallBuffers::device_bytes).chain(lent).sum()
+        let staging = self.pending.iter().flatten().map(|pending| pending.staging.size());
+        self.call_buffers.iter().map(CallBuffers::device_bytes).chain(staging).sum()
     }
 
     /// Uploads the spheres and starts the detection, without waiting.
@@ -258,19 +258,21 @@ impl GpuSession {
                 *pending = None;
             }
         }
-        let slot_of = |number: u64| number as usize % MAX_IN_FLIGHT;
+        let call_index = |number: u64| number as usize % MAX_IN_FLIGHT;
         let mut numbers = self.begun..self.begun + MAX_IN_FLIGHT as u64;
-        let Some(number) = numbers.find(|&number| self.pending[slot_of(number)].is_none()) else {
+        let Some(number) = numbers.find(|&number| self.pending[call_index(number)].is_none()) else {
             return Err(Error::TooManyInFlight { calls: MAX_IN_FLIGHT });
         };
-        self.slots[slot_of(number)].upload(&self.gpu, spheres).map_err(|error| self.gpu.reason(error))?;
+        self.call_buffers[call_index(number)]
+            .upload(&self.gpu, spheres)
+            .map_err(|error| self.gpu.reason(error))?;
         let window = call.window.clone();
-        self.calls[slot_of(number)] = call;
-        self.counts[slot_of(number)] = SubmissionCounts::default();
+        self.calls[call_index(number)] = call;
+        self.counts[call_index(number)] = SubmissionCounts::default();
         self.submit(number, Submission::Full(window))?;
         self.begun = number + 1;
         let held = Arc::new(());
-        self.tickets[slot_of(number)] = Arc::downgrade(&held);
+        self.tickets[call_index(number)] = Arc::downgrade(&held);
         Ok(Ticket { number, held })
     }
 
@@ -304,9 +306,9 @@ impl GpuSession {
     }
 
     fn window_of(&self, ticket: &Ticket) -> Result<Range<u32>, Error> {
-        let slot = ticket.number as usize % MAX_IN_FLIGHT;
-        match std::ptr::eq(self.tickets[slot].as_ptr(), Arc::as_ptr(&ticket.held)) {
-            true => Ok(self.calls[slot].window.clone()),
+        let index = ticket.number as usize % MAX_IN_FLIGHT;
+        match std::ptr::eq(self.tickets[index].as_ptr(), Arc::as_ptr(&ticket.held)) {
+            true => Ok(self.calls[index].window.clone()),
             false => Err(Error::ForeignTicket),
         }
     }

@@ -84,13 +84,13 @@ impl GpuSession {
     }
 
     fn repeat_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), Error> {
-        let (slot, before) = (number as usize % MAX_IN_FLIGHT, self.detector.capacities());
-        if self.detector.raise_entry_capacity(entries, self.slots[slot].count) {
+        let (index, before) = (number as usize % MAX_IN_FLIGHT, self.detector.capacities());
+        if self.detector.raise_entry_capacity(entries, self.call_buffers[index].count) {
             log::info!("{entries} entries do not fit: retrying with more capacity");
             return self.submit_with_capacity(number, window, before);
         }
         let Some(choice) =
-            self.calls[slot].choice.with_fewer_entries(self.algorithm(), self.requested.cell_ratio)
+            self.calls[index].choice.with_fewer_entries(self.algorithm(), self.requested.cell_ratio)
         else {
             let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
             let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
@@ -98,7 +98,7 @@ impl GpuSession {
         };
         let AlgorithmChoice { algorithm, cell_ratio } = choice;
         log::info!("{entries} entries do not fit: retrying as {algorithm} with cell ratio {cell_ratio}");
-        self.calls[slot].choice = choice;
+        self.calls[index].choice = choice;
         self.submit(number, Submission::Full(window))
     }
 
@@ -157,9 +157,9 @@ impl GpuSession {
         wait: Wait,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        let slot = number as usize % MAX_IN_FLIGHT;
-        let Range { start, end: last } = self.calls[slot].window;
-        let count = last.min(self.slots[slot].count);
+        let index = number as usize % MAX_IN_FLIGHT;
+        let Range { start, end: last } = self.calls[index].window;
+        let count = last.min(self.call_buffers[index].count);
         let mut capacity = u64::from(self.capacity());
         self.expected = capacity;
         let mut width = (u64::from(count) * capacity / found.max(1)).clamp(1, u64::from(count)) as u32;

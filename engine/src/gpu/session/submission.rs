@@ -73,14 +73,14 @@ impl GpuSession {
         let at = number as usize % MAX_IN_FLIGHT;
         let uses_candidates = self.uses_candidates(number);
         let is_long_search = self.is_long_search();
-        let Self { gpu, detector, layouts, skin, slots, calls, expected, counts, .. } = self;
+        let Self { gpu, detector, layouts, skin, call_buffers, calls, expected, counts, .. } = self;
         let count = &mut counts[at];
         let (choice, split, may_reuse) = (calls[at].choice, calls[at].split, calls[at].reuses_layout);
-        let slot = &mut slots[at];
+        let buffers = &mut call_buffers[at];
         let capacity = detector.pair_capacity();
         let staged = (*expected).min(capacity.into());
-        let staging = slot.staging(gpu, staged)?;
-        let Some(spheres) = slot.spheres.clone() else { return Ok(()) };
+        let staging = buffers.staging(gpu, staged)?;
+        let Some(spheres) = buffers.spheres.clone() else { return Ok(()) };
         let mut encoder = new_encoder(gpu)?;
         let skin = skin.as_mut().filter(|_| uses_candidates).map(|skin| &mut skin.detector);
         let timed: &[GpuPhase] = match work {
@@ -95,8 +95,8 @@ impl GpuSession {
         let before = self.submitted.take();
         let (found, details) = match (work, skin) {
             (Submission::Full(window), skin) => {
-                let species = slot.species().filter(|_| detector.has_interactions()).map(Into::into);
-                let mut input = GpuSpheres::new(&spheres, slot.count).in_window(window);
+                let species = buffers.species().filter(|_| detector.has_interactions()).map(Into::into);
+                let mut input = GpuSpheres::new(&spheres, buffers.count).in_window(window);
                 input.species = species;
                 input = if split > 0 { input.across(split) } else { input };
                 count.searches += 1;
@@ -146,7 +146,7 @@ impl GpuSession {
                 staged,
             );
         }
-        slot.lend_staging();
+        buffers.lend_staging();
         let (submission, mapping) = with_error_scope(&gpu.device, "a call", 0, || {
             (gpu.queue.submit([encoder.finish()]), Mapping::request(&staging))
         })?;
@@ -207,7 +207,7 @@ impl GpuSession {
         drop(view);
         let staging = pending.staging.clone();
         drop(pending);
-        self.slots[number as usize % MAX_IN_FLIGHT].return_staging(staging);
+        self.call_buffers[number as usize % MAX_IN_FLIGHT].return_staging(staging);
         if let Some(state) = state {
             self.record_state(&state);
         }

@@ -101,10 +101,10 @@ fn read(gpu: &GpuDevice, mut encoder: wgpu::CommandEncoder, from: &wgpu::Buffer)
 fn encoders_of_the_caller_get_bounded_dispatches_and_continuations() {
     let Some(gpu) = device_or_skip() else { return };
     let spheres = spheres();
-    let mut slot = CallBuffers::default();
-    slot.upload(&gpu, Spheres::from(&spheres)).expect("uploaded");
-    let buffer = slot.spheres.clone().expect("uploaded");
-    let input = GpuSpheres::new(&buffer, slot.count);
+    let mut call_buffers = CallBuffers::default();
+    call_buffers.upload(&gpu, Spheres::from(&spheres)).expect("uploaded");
+    let buffer = call_buffers.spheres.clone().expect("uploaded");
+    let input = GpuSpheres::new(&buffer, call_buffers.count);
     for &algorithm in Algorithm::GPU {
         let settings = GpuConfig::default().algorithm(algorithm).pair_capacity(1 << 16);
         let mut whole = GpuDetector::new(&gpu.device, settings.clone()).expect("made");
@@ -114,7 +114,7 @@ fn encoders_of_the_caller_get_bounded_dispatches_and_continuations() {
         let mut parted = GpuDetector::new(&gpu.device, settings).expect("made");
         let (outcomes, found) = encode(&gpu, &mut parted, &input);
         assert_eq!(found, expected, "{algorithm}");
-        let cost = parted.cost(slot.count).expect("fits");
+        let cost = parted.cost(call_buffers.count).expect("fits");
         assert!(cost.parts > 9 && cost.parts == parted.parts(), "{algorithm}: {cost:?}");
         let last = outcomes.last().expect("one call");
         assert_eq!(last.overflow, 0, "{algorithm}: {last:?}");
@@ -130,15 +130,16 @@ fn candidate_search_of_the_caller_reports_unfinished_work() {
     // Few spheres would have a fixed number of workgroups.
     let mut spheres = vec![Sphere::new([1.0; 3], 0.1); 2600];
     spheres.extend((0..32_000).map(|k| Sphere::new([10.0 + k as f32, 0.0, 0.0], 0.1)));
-    let mut slot = CallBuffers::default();
-    slot.upload(&gpu, Spheres::from(&spheres)).expect("uploaded");
-    let buffer = slot.spheres.clone().expect("uploaded");
+    let mut call_buffers = CallBuffers::default();
+    call_buffers.upload(&gpu, Spheres::from(&spheres)).expect("uploaded");
+    let buffer = call_buffers.spheres.clone().expect("uploaded");
     let settings = GpuConfig::default().algorithm(Algorithm::CellList).pair_capacity(1 << 22);
     let mut detector =
         GpuSkinDetector::new(&gpu.device, settings.max_tests_per_dispatch(1 << 18), 0.01).expect("made");
     let call = |detector: &mut GpuSkinDetector| {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let output = detector.encode(&mut encoder, &GpuSpheres::new(&buffer, slot.count)).expect("recorded");
+        let output =
+            detector.encode(&mut encoder, &GpuSpheres::new(&buffer, call_buffers.count)).expect("recorded");
         crate::gpu::read_outcome(&read(&gpu, encoder, &output.outcome)).expect("an outcome")
     };
     let outcome = call(&mut detector);
@@ -156,11 +157,11 @@ fn unfinished_search_for_candidates_leaves_no_list() {
     let mut spheres = spheres();
     let settings = GpuConfig::default().algorithm(Algorithm::CellList).max_tests_per_dispatch(1 << 18);
     let mut skin = GpuSkinDetector::new(&gpu.device, settings.clone(), 0.05).expect("made");
-    let mut slot = CallBuffers::default();
+    let mut call_buffers = CallBuffers::default();
     for last_part in [u32::MAX, 0, u32::MAX] {
-        slot.upload(&gpu, Spheres::from(&spheres)).expect("uploaded");
-        let buffer = slot.spheres.clone().expect("uploaded");
-        let input = GpuSpheres::new(&buffer, slot.count);
+        call_buffers.upload(&gpu, Spheres::from(&spheres)).expect("uploaded");
+        let buffer = call_buffers.spheres.clone().expect("uploaded");
+        let input = GpuSpheres::new(&buffer, call_buffers.count);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let output = skin.bind(&input).expect("bound");
         assert!(skin.parts() > 9);
@@ -299,12 +300,12 @@ fn abandoned_call_does_not_answer_a_later_one() {
     let other = spheres();
     let expected = finish(&mut session, &other).len() as u64;
     let abandoned = session.begin(Spheres::from(&few)).expect("begun");
-    let slot = abandoned.number as usize % MAX_IN_FLIGHT;
-    let submission = session.pending[slot].as_ref().expect("in flight").submission.clone();
+    let index = abandoned.number as usize % MAX_IN_FLIGHT;
+    let submission = session.pending[index].as_ref().expect("in flight").submission.clone();
     let long = session.begin(Spheres::from(&many)).expect("begun");
     drop(abandoned);
     let later = session.begin(Spheres::from(&other)).expect("begun");
-    assert_eq!(later.number as usize % MAX_IN_FLIGHT, slot);
+    assert_eq!(later.number as usize % MAX_IN_FLIGHT, index);
     // The abandoned call ends while the long one still runs.
     gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None }).expect("finished");
     session.set_timeout(Duration::ZERO);

@@ -32,8 +32,8 @@ fn build(spheres: Spheres<'_>, settings: &Settings) -> (CellList, Division) {
     let query = spheres.into();
     let preparation = Preparation { settings, wraps: true, has_same_species: false, uses_only_radii: false };
     let prepared = buffers.prepare(&query, preparation, Executor::Caller, &mut report.phases).expect("valid");
-    let surveyed = SearchInput::surveyed(prepared.test(settings), settings);
-    let input = SearchInput { groups: prepared.groups, ..surveyed };
+    let searched = SearchInput::with_stats(prepared.test(settings), settings);
+    let input = SearchInput { groups: prepared.groups, ..searched };
     let cache = DensityCache::from_last(None, &input).expect("there is memory");
     list.build(&input, &cache, &mut report).expect("there is memory");
     (list, cache.division())
@@ -64,12 +64,12 @@ fn crowd_among_distant_spheres_has_small_cells() {
 fn crowded_species_is_divided_by_its_own_distance() {
     let (n, others) = (3600, 400);
     let (spheres, ids) = (crowd(n, (others, 60.0)), species(n, others));
-    let given = Spheres::from(&spheres).with_species(&ids).expect("one id for each");
+    let spheres_with_ids = Spheres::from(&spheres).with_species(&ids).expect("one id for each");
     for of_last in [Interaction::Never, Interaction::Within(0.1), Interaction::Within(3.0)] {
         for space in spaces() {
             let interactions = Some(table(of_last));
             let settings = Settings { space, interactions, ..Settings::default() };
-            let (list, division) = build(given, &settings);
+            let (list, division) = build(spheres_with_ids, &settings);
             assert_eq!(division, Division::ByDistance, "{of_last:?}, {space:?}");
             let of_crowd = &list.levels[0];
             assert_eq!(of_crowd.members, 0..n);
@@ -132,11 +132,11 @@ fn group_at_one_point_is_found_by_others() {
     }
     for space in spaces() {
         let settings = Settings { space, interactions: Some(table.clone()), ..Settings::default() };
-        let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
-        assert_eq!(build(given, &settings).1, Division::ByDistance, "{space:?}");
+        let spheres_with_ids = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+        assert_eq!(build(spheres_with_ids, &settings).1, Division::ByDistance, "{space:?}");
         let count = |algorithm| {
             let settings = Settings { algorithm, ..settings.clone() };
-            HostDetector::new(settings).expect("good settings").count(given).expect("valid")
+            HostDetector::new(settings).expect("good settings").count(spheres_with_ids).expect("valid")
         };
         assert_eq!(count(Algorithm::CellList), count(Algorithm::Naive), "{space:?}");
     }
@@ -154,16 +154,20 @@ fn radii_that_grow_in_a_divided_crowd_lose_no_pair() {
         for skin in [Skin::Fixed(0.01), Skin::Fixed(0.1), Skin::Auto] {
             let settings = Settings { skin, interactions: Some(table.clone()), ..Settings::default() };
             let naive = Settings { algorithm: Algorithm::Naive, skin: Skin::Off, ..settings.clone() };
-            let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
-            assert_eq!(build(given, &settings).1, Division::ByDistance, "{width}");
+            let spheres_with_ids = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+            assert_eq!(build(spheres_with_ids, &settings).1, Division::ByDistance, "{width}");
             let [mut detector, mut naive] =
                 [settings, naive].map(|settings| HostDetector::new(settings).expect("good settings"));
             let mut served = 0;
             for radius in [0.004, 0.004, 0.1, 0.02, 0.3] {
                 spheres.iter_mut().for_each(|sphere| sphere.radius = radius);
-                let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
-                let expected = naive.count(given).expect("valid");
-                assert_eq!(detector.count(given), Ok(expected), "{width}, {skin:?}, radius {radius}");
+                let spheres_with_ids = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+                let expected = naive.count(spheres_with_ids).expect("valid");
+                assert_eq!(
+                    detector.count(spheres_with_ids),
+                    Ok(expected),
+                    "{width}, {skin:?}, radius {radius}"
+                );
                 served +=
                     usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
             }

@@ -272,8 +272,8 @@ mod tests {
             for lanes in LANES {
                 let count = vector.pack(5, &IDS, lanes, &mut pairs);
                 all.extend(pairs[..count].iter().flat_map(|pair| [pair.i, pair.j]));
-                let given = IDS.map(|id| Pair { i: id, j: !id });
-                let count = vector.keep(&given, lanes, &mut pairs);
+                let input_pairs = IDS.map(|id| Pair { i: id, j: !id });
+                let count = vector.keep(&input_pairs, lanes, &mut pairs);
                 all.extend(pairs[..count].iter().flat_map(|pair| [pair.i, pair.j]));
             }
             let mut columns = Columns::default();

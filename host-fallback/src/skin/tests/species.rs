@@ -21,9 +21,9 @@ fn follow(
     let mut detector = HostDetector::new(Settings { skin: Skin::Auto, ..settings }).expect("good settings");
     let (mut random, mut served) = (Random(5), 0);
     for call in calls {
-        let given = Spheres::from(&*spheres).with_species(&ids).expect("one id for each");
-        let expected = off.pairs(given).expect("valid").to_vec();
-        assert_eq!(detector.pairs(given).expect("valid"), expected, "call {call}");
+        let spheres_with_ids = Spheres::from(&*spheres).with_species(&ids).expect("one id for each");
+        let expected = off.pairs(spheres_with_ids).expect("valid").to_vec();
+        assert_eq!(detector.pairs(spheres_with_ids).expect("valid"), expected, "call {call}");
         served += usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
         for (sphere, &species) in spheres.iter_mut().zip(&ids) {
             sphere.center += glam::Vec3::from(step(call, species, &mut random));
@@ -84,9 +84,9 @@ fn species_that_appear_while_candidates_are_kept_lose_no_pair() {
                 0 => Spheres::from(&spheres),
                 _ => Spheres::from(&rows),
             };
-            let given = spheres.with_species(&ids).expect("an id for each");
-            let expected = off.pairs(given).expect("valid").to_vec();
-            assert_eq!(detector.pairs(given).expect("valid"), expected, "{skin:?}, call {call}");
+            let spheres_with_ids = spheres.with_species(&ids).expect("an id for each");
+            let expected = off.pairs(spheres_with_ids).expect("valid").to_vec();
+            assert_eq!(detector.pairs(spheres_with_ids).expect("valid"), expected, "{skin:?}, call {call}");
             served += usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
         }
         assert!(served > 4, "{skin:?}: {served} served");
