@@ -34,18 +34,18 @@ impl Bounds {
 
     #[inline(always)]
     pub(crate) fn add(&mut self, row: [f64; 4]) {
-        for (lane, number) in row.into_iter().enumerate() {
-            self.min[lane] = if number < self.min[lane] { number } else { self.min[lane] };
-            self.max[lane] = if number > self.max[lane] { number } else { self.max[lane] };
-            self.zero[lane] += number * 0.0;
+        for (component, number) in row.into_iter().enumerate() {
+            self.min[component] = if number < self.min[component] { number } else { self.min[component] };
+            self.max[component] = if number > self.max[component] { number } else { self.max[component] };
+            self.zero[component] += number * 0.0;
         }
     }
 
     pub(crate) fn merge(mut self, other: Self) -> Self {
-        for lane in 0..4 {
-            self.min[lane] = self.min[lane].min(other.min[lane]);
-            self.max[lane] = self.max[lane].max(other.max[lane]);
-            self.zero[lane] += other.zero[lane];
+        for component in 0..4 {
+            self.min[component] = self.min[component].min(other.min[component]);
+            self.max[component] = self.max[component].max(other.max[component]);
+            self.zero[component] += other.zero[component];
         }
         self
     }

@@ -61,9 +61,9 @@ impl<'f> FrameMap<'f> {
     #[inline(always)]
     pub(crate) fn contains(&self, row: [f64; 4]) -> bool {
         let [low, high] = &self.limits;
-        (0..4).all(|lane| {
-            let at = row[lane] - self.origin[lane];
-            at >= low[lane] && at <= high[lane]
+        (0..4).all(|component| {
+            let at = row[component] - self.origin[component];
+            at >= low[component] && at <= high[component]
         })
     }
 
@@ -91,20 +91,20 @@ impl<'f> FrameMap<'f> {
             return self.map_to_cell(cell, row);
         }
         let (mut mapped, mut is_near) = ([0.0_f32; 4], true);
-        for lane in 0..4 {
-            let mut at = row[lane] - self.origin[lane];
+        for component in 0..4 {
+            let mut at = row[component] - self.origin[component];
             if PERIODIC {
-                let (away, length) = (at.abs(), self.lengths[lane]);
+                let (away, length) = (at.abs(), self.lengths[component]);
                 let image = at - length.copysign(at);
                 is_near &= away <= MAX_LENGTHS * length;
                 at = if away <= 0.5 * length { at } else { image };
             }
-            at = if at < self.limit[lane] { at } else { self.limit[lane] };
-            mapped[lane] = (at * self.growth[0][lane] + self.growth[1][lane]) as f32;
+            at = if at < self.limit[component] { at } else { self.limit[component] };
+            mapped[component] = (at * self.growth[0][component] + self.growth[1][component]) as f32;
             if PERIODIC {
-                let half = self.half[lane];
-                mapped[lane] = if mapped[lane] < -half { -half } else { mapped[lane] };
-                mapped[lane] = if mapped[lane] > half { half } else { mapped[lane] };
+                let half = self.half[component];
+                mapped[component] = if mapped[component] < -half { -half } else { mapped[component] };
+                mapped[component] = if mapped[component] > half { half } else { mapped[component] };
             }
         }
         if PERIODIC && !is_near {

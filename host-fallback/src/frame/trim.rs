@@ -144,8 +144,8 @@ impl FreeExtent {
     }
 }
 
-fn median(sample: &mut [[f64; 4]; SAMPLE], lane: usize) -> f64 {
-    sample.select_nth_unstable_by(SAMPLE / 2, |a, b| a[lane].total_cmp(&b[lane])).1[lane]
+fn median(sample: &mut [[f64; 4]; SAMPLE], component: usize) -> f64 {
+    sample.select_nth_unstable_by(SAMPLE / 2, |a, b| a[component].total_cmp(&b[component])).1[component]
 }
 
 fn exponent(distance: f64) -> u64 {

@@ -72,10 +72,10 @@ impl<'s> Wrapping<'s> {
     fn wrap(&self, sphere: Sphere) -> Sphere {
         let row: [f32; 4] = cast(sphere);
         let (mut wrapped, mut is_near) = (row, true);
-        for lane in 0..4 {
-            let x = f64::from(row[lane]);
-            let lengths = x * self.per_length[lane];
-            wrapped[lane] = (x - math::nearest(lengths) * self.lengths[lane]) as f32;
+        for component in 0..4 {
+            let x = f64::from(row[component]);
+            let lengths = x * self.per_length[component];
+            wrapped[component] = (x - math::nearest(lengths) * self.lengths[component]) as f32;
             is_near &= lengths.abs() < NEAR;
         }
         if is_near { cast(wrapped) } else { Sphere { center: self.space.wrap(sphere.center), ..sphere } }

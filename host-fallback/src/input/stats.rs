@@ -167,10 +167,12 @@ impl InputStats {
         // With one table, equal radii would wait for the same counter.
         let mut tables = [[SizeClass::default(); SIZE_CLASSES]; N];
         for (k, (row, radius)) in spheres.enumerate() {
-            for lane in 0..4 {
-                min[lane] = if row[lane] < min[lane] { row[lane] } else { min[lane] };
-                max[lane] = if row[lane] > max[lane] { row[lane] } else { max[lane] };
-                poison[lane] += row[lane] * 0.0;
+            for component in 0..4 {
+                min[component] =
+                    if row[component] < min[component] { row[component] } else { min[component] };
+                max[component] =
+                    if row[component] > max[component] { row[component] } else { max[component] };
+                poison[component] += row[component] * 0.0;
             }
             smallest = if radius < smallest { radius } else { smallest };
             largest = if radius > largest { radius } else { largest };

@@ -158,8 +158,8 @@ impl Largest {
     ) {
         let squared = vector.squared_displacement::<PERIODIC>(now, then.row, &self.lengths);
         self.fraction = self.fraction.max((squared * then.row[3]).to_bits());
-        for lane in 0..4 {
-            self.differing[lane] |= now[lane].to_bits() ^ row[lane].to_bits();
+        for component in 0..4 {
+            self.differing[component] |= now[component].to_bits() ^ row[component].to_bits();
         }
         *row = now;
     }

@@ -184,7 +184,7 @@ impl<'a> Spheres<'a> {
     pub fn addresses(&self, i: usize) -> [*const u8; 4] {
         fn row_addresses<T>(rows: &[[T; 4]], i: usize) -> [*const u8; 4] {
             let row = rows.as_ptr().wrapping_add(i).cast::<T>();
-            [0, 1, 2, 3].map(|lane| row.wrapping_add(lane).cast())
+            [0, 1, 2, 3].map(|component| row.wrapping_add(component).cast())
         }
         match self.layout {
             Layout::Rows(rows) => row_addresses(bytemuck::cast_slice::<Sphere, [f32; 4]>(rows), i),

@@ -9,18 +9,18 @@ fn bad_f64_spheres_are_refused_while_candidates_serve() {
     // A tiny radius is lost in the growth of the frame's radii, and a large one is cut.
     rows[17][3] = 1e30;
     let all = detector.count(&rows).expect("valid");
-    for (k, lane, bad) in
+    for (k, component, bad) in
         [(2000, 3, -1e-300), (17, 3, f64::INFINITY), (2999, 1, f64::NAN), (0, 2, f64::NEG_INFINITY)]
     {
         assert_eq!(detector.count(&rows), Ok(all));
         assert_eq!(detector.count(&rows), Ok(all));
-        let good = std::mem::replace(&mut rows[k][lane], bad);
+        let good = std::mem::replace(&mut rows[k][component], bad);
         let refused = detector.count(&rows);
         assert!(
             matches!(refused, Err(Error::Input(InputError::Sphere { index, count: 1, .. })) if index == k as u32),
             "{bad}: {refused:?}"
         );
-        rows[k][lane] = good;
+        rows[k][component] = good;
     }
 }
 
