@@ -103,7 +103,7 @@ const TESTS_PER_SECOND: std::ops::RangeInclusive<f64> = 1e6..=1e14;
 
 /// Refuses values that would test all pairs of millions of spheres.
 fn checked(file: CalibrationFile) -> io::Result<CalibrationFile> {
-    let most = Crossover::MOST;
+    let most = Crossover::MAX;
     for entry in &file.calibrations {
         let Entry { adapter, naive_below, per_class, skin, tests_per_second, .. } = entry;
         if tests_per_second.is_some_and(|rate| !TESTS_PER_SECOND.contains(&rate)) {
@@ -184,8 +184,8 @@ mod tests {
         for (naive_below, per_class, skin, tests_per_second, good) in [
             (0, 0, Some(costs), 1e9, true),
             (0, 0, None, 1e9, true),
-            (Crossover::MOST, Crossover::MOST, Some(costs), 1e9, true),
-            (Crossover::MOST + 1, 0, Some(costs), 1e9, false),
+            (Crossover::MAX, Crossover::MAX, Some(costs), 1e9, true),
+            (Crossover::MAX + 1, 0, Some(costs), 1e9, false),
             (4_000_000_000, 0, None, 1e9, false),
             (100, u32::MAX, Some(costs), 1e9, false),
             (100, 0, Some(Skin { search_ns: 0.0, ..costs }), 1e9, false),

@@ -59,7 +59,7 @@ impl Naive {
         let ends = sort_by_group(&grouping, input.stats.spheres, &mut self.order)?;
         self.columns.gather(&input.test, self.order.iter().copied())?;
         self.rows.clear();
-        for (a, b) in grouping.meetings() {
+        for (a, b) in grouping.paired_groups() {
             let [of, with] = [a, b].map(|group| if group == 0 { 0 } else { ends[group - 1] }..ends[group]);
             for start in of.clone().step_by(TILE) {
                 let tile = start..of.end.min(start + TILE);

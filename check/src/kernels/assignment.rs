@@ -4,7 +4,9 @@ use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::{CellListLayout, InputStats, RadixPass, SearchParams, SortCounts};
 
-use super::cells::{CELL_CAPACITY, CellListCase, ConfiguredCellList, LISTED, TAU, cases, level_of, numbers};
+use super::cells::{
+    CELL_CAPACITY, CellListCase, ConfiguredCellList, LEVEL_WITHOUT_CELLS, TAU, cases, level_of, numbers,
+};
 use super::division::Division;
 use super::kernel_call::KernelCall;
 use super::support::{KernelError, changed, same};
@@ -108,7 +110,7 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     same(|| what("cells in all"), &list.cells, &base)?;
     same(|| what("cells fit the capacity"), &(list.cells <= CELL_CAPACITY && list.levels & 1 == 1), &true)?;
     let valid = || (0..scenario.spheres.len()).filter(|&id| chosen.may_pair(id));
-    let listed = valid().filter(|&id| chosen.own_level(id) == LISTED).count();
+    let listed = valid().filter(|&id| chosen.own_level(id) == LEVEL_WITHOUT_CELLS).count();
     let is_few = listed <= 8 || valid().count() == listed;
     same(|| what("few spheres are listed"), &is_few, &true)?;
     levels_are_those_of_their_spheres(chosen, case)
@@ -124,8 +126,8 @@ fn levels_are_those_of_their_spheres(
     let fits = |radius: f32, depth: i32| radius <= list.level[0].max_radius * (-depth as f32).exp2();
     let depth_of =
         |radius: f32| (1..CellListLayout::DEPTHS as i32).take_while(|&depth| fits(radius, depth)).count();
-    let unlisted =
-        (0..scenario.spheres.len()).filter(|&id| chosen.may_pair(id) && chosen.own_level(id) != LISTED);
+    let unlisted = (0..scenario.spheres.len())
+        .filter(|&id| chosen.may_pair(id) && chosen.own_level(id) != LEVEL_WITHOUT_CELLS);
     let unlisted: Vec<(usize, f32)> =
         unlisted.map(|id| (division.side(id, scenario.spheres.len()), chosen.radius(id))).collect();
     let mut depths: Vec<usize> = unlisted.iter().map(|&(_, radius)| depth_of(radius)).chain([0]).collect();
@@ -160,11 +162,11 @@ fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     for a in used() {
         let what = |b: usize| format!("levels {a} and {b} of {:b}, {case:?}", list.levels);
         let per_side = case.division.levels_per_side();
-        let meets = |b: usize| u32::from(case.division.meets(a / per_side, b / per_side));
-        same(|| what(a), &(list.level[a].searches_itself, looks(a, a)), &(meets(a), 0))?;
+        let groups_pair = |b: usize| u32::from(case.division.groups_pair(a / per_side, b / per_side));
+        same(|| what(a), &(list.level[a].searches_itself, looks(a, a)), &(groups_pair(a), 0))?;
         same(|| what(a), &(list.level[a].searched_levels & !list.levels), &0)?;
         for b in used().filter(|&b| b > a) {
-            same(|| what(b), &(looks(a, b) + looks(b, a)), &meets(b))?;
+            same(|| what(b), &(looks(a, b) + looks(b, a)), &groups_pair(b))?;
             let is_coarser =
                 |from: usize, at: usize| looks(from, at) == 0 || at % per_side <= from % per_side;
             same(|| what(b), &(is_coarser(a, b) && is_coarser(b, a)), &true)?;
@@ -187,7 +189,7 @@ fn touching_spheres_are_in_adjacent_cells(
     for pair in valid.oracle() {
         let (a, b) = (&valid.spheres[pair.i as usize], &valid.spheres[pair.j as usize]);
         let levels = [a, b].map(|sphere| level_of(list, sphere.radius));
-        if levels.contains(&LISTED) {
+        if levels.contains(&LEVEL_WITHOUT_CELLS) {
             continue;
         }
         let last_level = if levels[0] == levels[1] && list.has_overfull_cells != 0 { levels[0] } else { 0 };
@@ -271,7 +273,8 @@ pub(crate) fn cells_count(gpu: &GpuDevice) -> Result<(), KernelError> {
                 |fused| chosen.assigned_cells(&table, fused).1,
             )?;
         } else {
-            let small = |id: usize| chosen.may_pair(id) && ![0, LISTED].contains(&chosen.own_level(id));
+            let small =
+                |id: usize| chosen.may_pair(id) && ![0, LEVEL_WITHOUT_CELLS].contains(&chosen.own_level(id));
             let mut smaller = vec![0; counts.len()];
             (0..cells.len()).filter(|&id| small(id)).for_each(|id| smaller[cells[id] as usize] += 1);
             let [least, most] = [&smaller, &counts].map(|counts| counts.iter().copied().max().unwrap_or(0));

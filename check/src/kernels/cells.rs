@@ -14,7 +14,7 @@ use crate::{Random, TestInput};
 
 pub(crate) const CELL_CAPACITY: u32 = 4096;
 /// Level of the size classes without cells, whose spheres are listed.
-pub(crate) const LISTED: usize = 255;
+pub(crate) const LEVEL_WITHOUT_CELLS: usize = 255;
 /// Largest occupancy at which smaller spheres stay in a coarse cell.
 pub(crate) const TAU: u32 = 8;
 
@@ -115,7 +115,7 @@ impl CellListCase {
         let input =
             CellListInput { spheres: &spheres, stats: expected_stats(&images, division, false), division };
         let configured = configure(gpu, call, variant, input, before)?;
-        let Configured { list, lengths, outcome, stats } = configured;
+        let ConfigureResult { list, lengths, outcome, stats } = configured;
         let scenario = TestInput { space, mixture: division.mixture(count), ..spheres.into() };
         Ok(ConfiguredCellList { call, scenario, division, list, variant, lengths, outcome, stats })
     }
@@ -127,7 +127,7 @@ pub(crate) struct CellListInput<'a> {
     pub(crate) division: Division,
 }
 
-pub(crate) struct Configured {
+pub(crate) struct ConfigureResult {
     pub(crate) list: CellListLayout,
     lengths: SortCounts,
     outcome: Outcome,
@@ -140,7 +140,7 @@ pub(crate) fn configure(
     variant: Variant,
     input: CellListInput<'_>,
     before: Outcome,
-) -> Result<Configured, KernelError> {
+) -> Result<ConfigureResult, KernelError> {
     let CellListInput { spheres, stats, division } = input;
     let call = KernelCall::new(gpu)
         .with("params", &[call])?
@@ -152,7 +152,7 @@ pub(crate) fn configure(
         .with("sort_counts", &[SortCounts::zeroed()])?;
     let call = division.bind(call, spheres.len())?;
     call.run(&k::CELL_LIST_CONFIGURE, variant, 1)?;
-    Ok(Configured {
+    Ok(ConfigureResult {
         list: call.read_layout("cell_list")?,
         lengths: call.read_one("sort_counts")?,
         outcome: call.read_one("outcome")?,
@@ -229,7 +229,7 @@ impl ConfiguredCellList {
 
     fn coarsest(&self, id: usize, fused: bool) -> Option<u32> {
         let sphere = &self.scenario.spheres[id];
-        let has_cell = self.may_pair(id) && self.own_level(id) != LISTED;
+        let has_cell = self.may_pair(id) && self.own_level(id) != LEVEL_WITHOUT_CELLS;
         let level = self.first_level(id);
         has_cell.then(|| cell(&self.list, self.scenario.space, self.wrapped_center(sphere), level, fused))
     }

@@ -51,7 +51,7 @@ impl Division {
         self.species_of(index, count) < self.species_that_pair()
     }
 
-    pub(crate) fn meets(self, a: usize, b: usize) -> bool {
+    pub(crate) fn groups_pair(self, a: usize, b: usize) -> bool {
         self.partners().get(a).is_some_and(|&partners| u32::from(partners) >> b & 1 == 1)
     }
 
@@ -94,7 +94,7 @@ impl Division {
     }
 
     fn interaction(self, a: usize, b: usize) -> Interaction {
-        match (self.meets(a, b), self) {
+        match (self.groups_pair(a, b), self) {
             (false, _) => Interaction::Never,
             (true, Self::NarrowSide { .. }) if a % 2 != b % 2 => Interaction::Within(FAR.into()),
             (true, _) => Interaction::Touch,

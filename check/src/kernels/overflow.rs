@@ -10,12 +10,12 @@ use super::kernel_call::KernelCall;
 use super::support::{KernelError, changed, same};
 use crate::{Tolerance, difference};
 
-struct Searched<'a> {
+struct DeferredSearch<'a> {
     call: KernelCall<'a>,
     chosen: &'a ConfiguredCellList,
 }
 
-impl<'a> Searched<'a> {
+impl<'a> DeferredSearch<'a> {
     fn new(gpu: &'a GpuDevice, chosen: &'a ConfiguredCellList) -> Result<Self, KernelError> {
         let ConfiguredCellList { call, scenario, list, .. } = chosen;
         let (assigned_cells, _) = chosen.assigned_cells(&chosen.occupancy(false), false);
@@ -77,7 +77,7 @@ pub(crate) fn cell_list_search_overflow(gpu: &GpuDevice) -> Result<(), KernelErr
                 call: SearchParams { tiles_per_submission, ..chosen.call },
                 ..chosen.clone()
             };
-            let searched = Searched::new(gpu, &parted)?;
+            let searched = DeferredSearch::new(gpu, &parted)?;
             searched.search_first_chunks()?;
             let mut parts = 0;
             while searched.outcome()?.has_remaining_work() {
@@ -98,7 +98,7 @@ pub(crate) fn cell_list_search(gpu: &GpuDevice) -> Result<(), KernelError> {
         let case = CellListCase { spheres: count, lengths: [None; 3], is_overfull: false, division };
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
         let chosen = case.choose_for(gpu, spheres)?;
-        let searched = Searched::new(gpu, &chosen)?;
+        let searched = DeferredSearch::new(gpu, &chosen)?;
         searched.search_first_chunks()?;
         let chunk = chosen.call.candidates_per_invocation;
         let what = |what: &str| format!("{what} of {count} at one point");
@@ -129,7 +129,7 @@ fn few(gpu: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
         let call =
             SearchParams { chunks_per_block, pair_capacity, consumer_workgroup_size: 64, ..chosen.call };
         let limited = ConfiguredCellList { call, ..chosen.clone() };
-        let searched = Searched::new(gpu, &limited)?;
+        let searched = DeferredSearch::new(gpu, &limited)?;
         let largest_at = 4 * u64::from(chosen.list.cells + 2);
         gpu.queue.write_buffer(searched.call.buffer("starts"), largest_at, bytemuck::bytes_of(&largest));
         let groups = count.div_ceil(k::WORKGROUP_SIZE) * chunks_per_block;
@@ -147,7 +147,7 @@ fn refused(gpu: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelErr
     for overflow in [0, Outcome::OVERFLOW_LAYOUT] {
         let variant = k::Variant { reuse: true, ..chosen.variant };
         let chosen = ConfiguredCellList { variant, ..chosen.clone() };
-        let searched = Searched::new(gpu, &chosen)?;
+        let searched = DeferredSearch::new(gpu, &chosen)?;
         let before = changed(Outcome::zeroed(), |new| new.overflow = overflow);
         gpu.queue.write_buffer(searched.call.buffer("outcome"), 0, bytemuck::bytes_of(&before));
         searched.search_first_chunks()?;

@@ -10,7 +10,7 @@ use crate::device::{download, submit, upload};
 /// Sizes around a workgroup and a tile, and of many tiles.
 pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
 /// Number of keys at or above which only random keys are sorted, by two numbers of bits.
-const MANY: usize = 100_000;
+const MIN_LARGE_SIZE: usize = 100_000;
 
 fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
     let mut total = 0_u64;
@@ -95,7 +95,7 @@ pub fn sort(gpu: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&gpu.device, subgroups);
         let [random, others @ ..] = keys_of_each_kind(size);
-        if size >= MANY {
+        if size >= MIN_LARGE_SIZE {
             [24, 32].into_iter().try_for_each(|bits| sort_one(gpu, &sort, &random, bits))?;
             continue;
         }

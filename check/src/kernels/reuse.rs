@@ -6,7 +6,7 @@ use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{RadixPass, SearchParams, SortCounts};
 
-use super::cells::{CellListCase, ConfiguredCellList, LISTED, level_of, numbers};
+use super::cells::{CellListCase, ConfiguredCellList, LEVEL_WITHOUT_CELLS, level_of, numbers};
 use super::division::Division;
 use super::kernel_call::KernelCall;
 use super::support::{KernelError, changed, same};
@@ -78,7 +78,7 @@ fn suits(chosen: &ConfiguredCellList, count: u32, spheres: &[Sphere]) -> bool {
         let is_ordinary =
             radius > 1e-12 && radius < 2e17 && center.to_array().into_iter().all(|x| x.abs() < 2e17);
         let level = level_of(list, radius);
-        if level == LISTED {
+        if level == LEVEL_WITHOUT_CELLS {
             return is_ordinary;
         }
         let is_overfull = list.has_overfull_cells != 0;
@@ -116,7 +116,7 @@ pub(crate) fn reused_cells(gpu: &GpuDevice) -> Result<(), KernelError> {
             let after = ConfiguredCellList { call, scenario, variant, ..chosen };
             let text = || format!("{what}, {count} spheres, {occupancy_slots} counters, {case:?}");
             let suits = suits(&after, count, &after.scenario.spheres);
-            let reused = Reused { gpu, chosen: &after, count };
+            let reused = ReuseCase { gpu, chosen: &after, count };
             let cells = reused.counted(suits, text)?;
             reused.sorted(suits, &cells, text)?;
             refused[usize::from(suits && are_within_capacity(&after, &cells))] += 1;
@@ -125,13 +125,13 @@ pub(crate) fn reused_cells(gpu: &GpuDevice) -> Result<(), KernelError> {
     same(|| format!("{refused:?} calls refused and not"), &refused.iter().all(|&calls| calls > 30), &true)
 }
 
-struct Reused<'a> {
+struct ReuseCase<'a> {
     gpu: &'a GpuDevice,
     chosen: &'a ConfiguredCellList,
     count: u32,
 }
 
-impl Reused<'_> {
+impl ReuseCase<'_> {
     fn refusal(&self, suits: bool, cells: &[u32]) -> u32 {
         if suits && are_within_capacity(self.chosen, cells) { 0 } else { Outcome::OVERFLOW_LAYOUT }
     }

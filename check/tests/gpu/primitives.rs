@@ -14,14 +14,14 @@ use lazygrid_kernels::layout::SortCounts;
 /// Workgroups along one dimension, which each device supports: the digits of a sort pass.
 const ROW: u32 = 256;
 /// A partial last row of tiles.
-const MANY: usize = 1_100_001;
+const ITEMS: usize = 1_100_001;
 
 #[test]
 fn dispatch_over_several_dimensions() {
     let Some(gpu) = device() else { return };
     let gpu = limited(&gpu, |limits| Limits { max_compute_workgroups_per_dimension: ROW, ..limits });
-    primitives::scan(&gpu, MANY).unwrap_or_else(|fault| panic!("scan: {fault}"));
-    primitives::sort(&gpu, MANY).unwrap_or_else(|fault| panic!("sort: {fault}"));
+    primitives::scan(&gpu, ITEMS).unwrap_or_else(|fault| panic!("scan: {fault}"));
+    primitives::sort(&gpu, ITEMS).unwrap_or_else(|fault| panic!("sort: {fault}"));
 }
 
 fn run_text(gpu: &GpuDevice, name: &'static str, text: String, buffers: &[(Access, &wgpu::Buffer)]) {

@@ -115,10 +115,10 @@ mod tests {
     fn a_crossover_is_never_above_the_measured_counts() {
         for (naive_below, per_class, classes, expected) in [
             (10_000, 500, 5, 12_000),
-            (Crossover::MOST, 0, 1, Crossover::MOST),
-            (4_000_000_000, 0, 1, Crossover::MOST),
-            (10_000, 60_000, 256, Crossover::MOST),
-            (u32::MAX, u32::MAX, 256, Crossover::MOST),
+            (Crossover::MAX, 0, 1, Crossover::MAX),
+            (4_000_000_000, 0, 1, Crossover::MAX),
+            (10_000, 60_000, 256, Crossover::MAX),
+            (u32::MAX, u32::MAX, 256, Crossover::MAX),
         ] {
             assert_eq!(Crossover { naive_below, per_class }.for_classes(classes), expected);
         }

@@ -30,12 +30,12 @@ impl Crossover {
     }
 
     /// Largest measurable crossover: twice the spheres of the largest scene of [`calibrate`](super::calibrate).
-    pub const MOST: u32 = 1 << 18;
+    pub const MAX: u32 = 1 << 18;
 
-    /// Returns the crossover for `classes` size classes, at most [`Crossover::MOST`].
+    /// Returns the crossover for `classes` size classes, at most [`Crossover::MAX`].
     pub fn for_classes(self, classes: usize) -> u32 {
         let further = u32::try_from(classes.saturating_sub(1)).unwrap_or(u32::MAX);
-        self.naive_below.saturating_add(self.per_class.saturating_mul(further)).min(Self::MOST)
+        self.naive_below.saturating_add(self.per_class.saturating_mul(further)).min(Self::MAX)
     }
 }
 

@@ -6,7 +6,7 @@ use super::slab_search::SearchRequest;
 use crate::Error;
 
 /// A proposed skin within these factors of the current one is ignored, because a change rebuilds the list.
-const AS_GOOD: std::ops::RangeInclusive<f32> = 0.67..=1.5;
+const SIMILAR_SKIN_RATIOS: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 
 #[derive(Debug, Default)]
 pub(super) struct SkinController {
@@ -22,12 +22,14 @@ impl SkinController {
         costs: &SkinCosts,
     ) -> Result<Option<f32>, Error> {
         let (spheres, interactions, space) = (request.spheres, request.interactions, request.space);
-        self.tuner.look(spheres, interactions, space)?;
+        self.tuner.observe_spheres(spheres, interactions, space)?;
         if !self.is_served {
             let skin = self.tuner.skin(spheres, interactions, space, costs)?;
             let skin = skin.filter(|skin| SKIN_RANGE.contains(skin));
             self.skin = match (self.skin, skin) {
-                (Some(current), Some(skin)) if AS_GOOD.contains(&(skin / current)) => Some(current),
+                (Some(current), Some(skin)) if SIMILAR_SKIN_RATIOS.contains(&(skin / current)) => {
+                    Some(current)
+                }
                 _ => skin,
             };
         }

@@ -42,7 +42,7 @@ pub(super) fn has_empty_set(split: Option<u32>, spheres: u32) -> bool {
     split.is_some_and(|split| split == 0 || split == spheres)
 }
 
-struct Cut<'a> {
+struct SlabCut<'a> {
     request: &'a SearchRequest<'a>,
     input: SlabInput<'a>,
     slabs: Slabs,
@@ -239,7 +239,7 @@ impl SlabSearch {
 
     fn slab_by_slab(
         &mut self,
-        cut: &Cut<'_>,
+        cut: &SlabCut<'_>,
         range: &Range<u32>,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
@@ -264,7 +264,7 @@ impl SlabSearch {
     /// Searches ranges of indices if all pairs are more than `most`.
     fn range_by_range(
         &mut self,
-        cut: &Cut<'_>,
+        cut: &SlabCut<'_>,
         most: u64,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
@@ -310,7 +310,7 @@ impl SlabSearch {
         request.spheres.len() as u64 <= self.session.most_spheres()
     }
 
-    fn cut<'a>(&mut self, request: &'a SearchRequest<'a>) -> Result<Option<Cut<'a>>, Error> {
+    fn cut<'a>(&mut self, request: &'a SearchRequest<'a>) -> Result<Option<SlabCut<'a>>, Error> {
         self.timings.clear();
         self.slabs = 1;
         if self.is_bound_at_once(request) {
@@ -328,7 +328,7 @@ impl SlabSearch {
         };
         self.slabs = slabs.len();
         self.time("cut", start);
-        Ok(Some(Cut { request, input, slabs }))
+        Ok(Some(SlabCut { request, input, slabs }))
     }
 
     fn begin(&mut self, request: &SearchRequest<'_>) -> Result<Ticket, Error> {
@@ -346,7 +346,7 @@ impl SlabSearch {
     /// Begins the search of a slab, without candidate list, because the next call is another slab.
     fn begin_slab(
         &mut self,
-        cut: &Cut<'_>,
+        cut: &SlabCut<'_>,
         number: usize,
         range: &Range<u32>,
     ) -> Result<Option<Ticket>, Error> {

@@ -74,7 +74,7 @@ impl DensityProfile {
             // With too few pairs, the fraction of the enclosing cubes is an upper estimate.
             let mut fraction = 1.0;
             for (depth, log_mean) in log_mean.iter_mut().enumerate() {
-                let [met, all] = meetings(codes, depth, grouping);
+                let [met, all] = compared_pairs(codes, depth, grouping);
                 if met >= MIN_COINCIDENCES || depth == 0 {
                     fraction = (met.max(1) as f32 / all.max(1) as f32).min(1.0);
                 }
@@ -170,7 +170,7 @@ impl Sample {
         }
         let searches =
             |(a, b): (usize, usize)| if a == b { members[a] / 2.0 } else { members[a].min(members[b]) };
-        let apart: f32 = grouping.meetings().map(searches).sum();
+        let apart: f32 = grouping.paired_groups().map(searches).sum();
         2.0 * apart / self.codes.len().max(1) as f32
     }
 }
@@ -207,7 +207,7 @@ fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
     cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
 }
 
-fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
+fn compared_pairs(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];
         run.iter().for_each(|(_, index)| members[grouping.group_of(*index as usize)] += 1);
@@ -215,7 +215,7 @@ fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64
             true => members[a] * members[a].saturating_sub(1) / 2,
             false => members[a] * members[b],
         };
-        let (own, count) = (grouping.meetings().map(pairs).sum::<u64>(), run.len() as u64);
+        let (own, count) = (grouping.paired_groups().map(pairs).sum::<u64>(), run.len() as u64);
         [met + own, all + count * (count - 1) / 2]
     })
 }

@@ -19,7 +19,7 @@ const MAX_FINER_COST: f32 = 0.9;
 /// The limit for a division by distance: stricter, because its estimate is coarse.
 const MAX_NARROW_COST: f32 = 0.5;
 /// Nanoseconds per sphere. A search that costs less gains little by a division by distance.
-const CROWDED_NS: f32 = 200.0;
+const MIN_DIVISION_NS: f32 = 200.0;
 /// Estimated nanoseconds per sphere of a search between groups.
 const CROSSING_NS: f32 = 60.0;
 
@@ -43,7 +43,7 @@ impl Sample {
         let within = all.iter().zip(of_groups).enumerate().map(|(group, (stats, density))| {
             if grouping.pairs_within(group) { LevelPlan::plan(stats, density).cost } else { 0.0 }
         });
-        let between = grouping.meetings().filter(|(a, b)| a != b);
+        let between = grouping.paired_groups().filter(|(a, b)| a != b);
         let between = between.map(|(a, b)| CROSSING_NS * all[a].spheres.min(all[b].spheres) as f32);
         Ok(within.sum::<f32>() + between.sum::<f32>())
     }
@@ -143,7 +143,7 @@ impl DensityCache {
                 if cost < MAX_FINER_COST * least {
                     (least, best) = (cost, (density, Vec::new(), division));
                 }
-            } else if least > CROWDED_NS * sample.spheres as f32 {
+            } else if least > MIN_DIVISION_NS * sample.spheres as f32 {
                 let of_groups = sample.densities_of_groups(input, &grouping)?;
                 if sample.cost_by_group(input, &of_groups, &grouping)? < MAX_NARROW_COST * least {
                     best = (density(division), of_groups, division);

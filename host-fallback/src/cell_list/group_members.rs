@@ -5,7 +5,7 @@ use crate::Error;
 use crate::compare::{PairTest, SphereRadii};
 use crate::executor::Chunks;
 use crate::frame::SearchFrame;
-use crate::input::{CenterBounds, Grouping, InputStats, Meeting, SearchInput, SizeClass};
+use crate::input::{CenterBounds, GroupInteraction, Grouping, InputStats, SearchInput, SizeClass};
 use crate::memory::try_collect;
 use crate::size_class::SIZE_CLASSES;
 
@@ -110,14 +110,19 @@ impl GroupMembers {
         if self.bounds.min.x <= self.bounds.max.x { self.bounds } else { point }
     }
 
-    pub(super) fn cutoff(&self, other: &Self, meeting: Meeting, frame: Option<&SearchFrame>) -> f64 {
+    pub(super) fn cutoff(
+        &self,
+        other: &Self,
+        group_interaction: GroupInteraction,
+        frame: Option<&SearchFrame>,
+    ) -> f64 {
         let radii = f64::from(self.radius) + f64::from(other.radius);
         let searched = |frame: &SearchFrame| {
-            let half = frame.radius(0.5 * meeting.distance);
+            let half = frame.radius(0.5 * group_interaction.distance);
             half.map_or(f64::INFINITY, |half| 2.0 * f64::from(half))
         };
-        let distance = frame.map_or(meeting.distance, searched);
-        let cutoff = distance.max(if meeting.touches { radii } else { 0.0 });
+        let distance = frame.map_or(group_interaction.distance, searched);
+        let cutoff = distance.max(if group_interaction.touches { radii } else { 0.0 });
         cutoff + (f64::from(self.margin) + f64::from(other.margin))
     }
 }

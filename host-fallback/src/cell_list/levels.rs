@@ -22,8 +22,8 @@ const FOLDED_ROWS: f32 = 4.0;
 const BOUNDARY_ROWS: f32 = 2.0;
 /// Folding pays if comparisons with the spheres in eight cells of the finest unfolded table are estimated to take more
 /// than this. The estimate suits short runs. Long runs take less, above all without minimum images.
-const MIN_CROWD_NS: f32 = 800.0;
-const MIN_PERIODIC_CROWD_NS: f32 = 200.0;
+const MIN_FOLDING_NS: f32 = 800.0;
+const MIN_PERIODIC_FOLDING_NS: f32 = 200.0;
 /// With fewer spheres in eight cells, smaller cells save nothing.
 const MIN_FOLDED_MEAN: f32 = 16.0;
 const SIZES_PER_DOUBLING: f32 = 2.0;
@@ -153,7 +153,7 @@ impl LevelCostModel<'_> {
         let lowest = finest.max(radius);
         let unfolded = (0..MAX_CELL_SIZES).map(move |k| lowest + k as f32 / SIZES_PER_DOUBLING);
         let unfolded = unfolded.take_while(move |&log_size| log_size <= extent + 1.0);
-        let min_ns = if density.periodic_axes > 0 { MIN_PERIODIC_CROWD_NS } else { MIN_CROWD_NS };
+        let min_ns = if density.periodic_axes > 0 { MIN_PERIODIC_FOLDING_NS } else { MIN_FOLDING_NS };
         let are_crowded = density.compare_ns * density.mean(finest + 1.0) > min_ns;
         let folded = (1..MAX_CELL_SIZES).map(move |k| finest - k as f32 / SIZES_PER_DOUBLING);
         let is_worthwhile = |log_size: f32| density.mean(log_size + 1.0) > MIN_FOLDED_MEAN;

@@ -341,13 +341,15 @@ fn link(
         let start = targets.len();
         for other in (0..levels.len()).filter(|other| *other != own) {
             let [a, b] = [own, other].map(|level| levels[level].group);
-            let (Some(meeting), false) = (grouping.meeting(a, b), levels[other].members.is_empty()) else {
+            let (Some(group_interaction), false) =
+                (grouping.group_interaction(a, b), levels[other].members.is_empty())
+            else {
                 continue;
             };
             let cutoff = match members {
                 [] => f64::INFINITY,
                 _ if grouping.sets().is_some() => f64::INFINITY,
-                members => members[a].cutoff(&members[b], meeting, input.test.frame()),
+                members => members[a].cutoff(&members[b], group_interaction, input.test.frame()),
             };
             let (radius, forth) = levels[own].search_of(&levels[other], cutoff);
             let (_, back) = levels[other].search_of(&levels[own], cutoff);

@@ -17,7 +17,7 @@ use crate::skin::{CallSpheres, memory_of_candidates};
 use crate::{Error, PhaseTime, Report, Settings};
 use algorithm_choice::IndexKind;
 pub use finder::{ChunkConsumer, PairFinder, PairSource, SearchBackend, Work, ranges};
-use state::{Built, DetectorState};
+use state::{BuiltSearch, DetectorState};
 
 /// The CPU detector. It reuses its buffers.
 pub type HostDetector = PairFinder<HostBackend>;
@@ -149,11 +149,11 @@ impl SearchBackend for HostBackend {
             let mut input = SearchInput { test, stats, settings, simd, executor, split, groups };
             state.build(&mut input, rebuild_reason)?;
             if is_large || state.is_short(&input) {
-                work(&mut Built { state, input: &input })
+                work(&mut BuiltSearch { state, input: &input })
             } else {
                 team.within(|| {
                     input.executor = team.executor()?;
-                    work(&mut Built { state, input: &input })
+                    work(&mut BuiltSearch { state, input: &input })
                 })
             }
         };

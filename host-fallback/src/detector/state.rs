@@ -151,12 +151,12 @@ impl DetectorState {
     }
 }
 
-pub(crate) struct Built<'b> {
+pub(crate) struct BuiltSearch<'b> {
     pub(crate) state: &'b mut DetectorState,
     pub(crate) input: &'b SearchInput<'b>,
 }
 
-impl PairSource for Built<'_> {
+impl PairSource for BuiltSearch<'_> {
     fn count(&mut self) -> Result<u64, Error> {
         Ok(self.state.search(self.input, &Count)?.0)
     }

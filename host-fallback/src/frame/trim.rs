@@ -15,7 +15,7 @@ const EXPONENTS: usize = 2048;
 /// A frame is trimmed only if it gets smaller by this factor: contacts in a trimmed frame are never certain.
 const MIN_GAIN: f64 = 16.0;
 /// Growth of radii as a fraction of the median radius: above the first, a frame is trimmed; the second is acceptable.
-const GROWN: [f64; 2] = [1.0 / 4.0, 1.0 / 32.0];
+const RELATIVE_GROWTH: [f64; 2] = [1.0 / 4.0, 1.0 / 32.0];
 
 /// The second set follows the first.
 pub(crate) struct RowsByIndex<'r> {
@@ -56,7 +56,7 @@ impl SearchFrame {
         let mut sample = rows.sample();
         let radius = median(&mut sample, 3);
         let growth = GROWTH[1] / self.scale;
-        if growth <= GROWN[0] * radius {
+        if growth <= RELATIVE_GROWTH[0] * radius {
             return None;
         }
         let mut origin = self.origin;
@@ -69,7 +69,7 @@ impl SearchFrame {
         if sample.iter().filter(|row| extent.offset(row) > most).count() > SAMPLE_OUTSIDE {
             return None;
         }
-        let size = extent.size_of_most(rows, executor).max(radius * (GROWN[1] / GROWTH[1]));
+        let size = extent.size_of_most(rows, executor).max(radius * (RELATIVE_GROWTH[1] / GROWTH[1]));
         let size = size.max(Self::size(&extent.cut(rows.bounds), space, &extent.origin));
         if size > most {
             return None;

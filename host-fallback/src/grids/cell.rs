@@ -70,7 +70,7 @@ pub(super) fn range(starts: &Starts, (first, end): MaskRange) -> Range<usize> {
 pub(crate) struct Batch {
     ids: Vec<u32>,
     cells: Vec<Starts>,
-    meetings: Vec<[Starts; 2]>,
+    group_pairs: Vec<[Starts; 2]>,
     groups: Vec<Starts>,
     columns: Columns,
 }
@@ -91,7 +91,7 @@ impl Batch {
             try_push(&mut self.groups, starts(members(), self.ids.len()), "groups of a cell")?;
             members().try_for_each(|member| try_push(&mut self.ids, member.id(), "a batch of cells"))?;
         }
-        for (a, b) in grouping.meetings() {
+        for (a, b) in grouping.paired_groups() {
             let both = [self.groups[a], self.groups[b]];
             if both.iter().any(|starts| starts[0] == starts[MASKS]) {
                 continue;
@@ -99,7 +99,7 @@ impl Batch {
             if a == b {
                 try_push(&mut self.cells, both[0], "a batch of cells")?;
             } else {
-                try_push(&mut self.meetings, both, "a batch of cells")?;
+                try_push(&mut self.group_pairs, both, "a batch of cells")?;
             }
         }
         Ok(())
@@ -115,12 +115,12 @@ impl Batch {
     }
 
     pub(crate) fn search<S: Sink>(&mut self, input: &SearchInput<'_>, sink: &mut S) -> Result<(), Error> {
-        let Self { ids, cells, meetings, columns, .. } = self;
+        let Self { ids, cells, group_pairs, columns, .. } = self;
         columns.gather(&input.test, ids.iter().copied())?;
-        input.run(Cells { columns, test: &input.test, cells, meetings, sink });
+        input.run(Cells { columns, test: &input.test, cells, group_pairs, sink });
         ids.clear();
         cells.clear();
-        meetings.clear();
+        group_pairs.clear();
         Ok(())
     }
 }
@@ -129,7 +129,7 @@ struct Cells<'c, S> {
     columns: &'c Columns,
     test: &'c PairTest<'c>,
     cells: &'c [Starts],
-    meetings: &'c [[Starts; 2]],
+    group_pairs: &'c [[Starts; 2]],
     sink: &'c mut S,
 }
 
@@ -164,7 +164,7 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
         for of in self.cells {
             self.compare(vector, [of, of], &LATER_PARTNERS);
         }
-        for [of, with] in self.meetings {
+        for [of, with] in self.group_pairs {
             self.compare(vector, [of, with], &ALL_PARTNERS);
         }
     }

@@ -26,15 +26,15 @@ const END: u32 = u32::MAX;
 #[derive(Debug, Default)]
 pub(crate) struct HashGrid {
     heads: Vec<u32>,
-    entries: Vec<Linked>,
+    entries: Vec<ChainEntry>,
     offsets: Vec<usize>,
-    chains: Workspaces<Vec<InChain>>,
+    chains: Workspaces<Vec<ChainMember>>,
     batches: Workspaces<Batch>,
     overfull: OverfullCells,
 }
 
 #[derive(Clone, Copy, Debug, Zeroable)]
-struct Linked {
+struct ChainEntry {
     cell: UVec3,
     corner_mask: u32,
     id: u32,
@@ -42,13 +42,13 @@ struct Linked {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct InChain {
+struct ChainMember {
     cell: [u32; 3],
     corner_mask: u32,
     id: u32,
 }
 
-impl CellMember for InChain {
+impl CellMember for ChainMember {
     fn id(&self) -> u32 {
         self.id
     }
@@ -126,7 +126,7 @@ impl HashGrid {
                     let cell = grid.wrap::<PERIODIC>(cell);
                     if let Some(slot) = slots.next() {
                         let next = heads[chain_of(cell, shift)].swap(number, Relaxed);
-                        *slot = Linked { cell, corner_mask: u32::from(corner_mask), id, next };
+                        *slot = ChainEntry { cell, corner_mask: u32::from(corner_mask), id, next };
                         number += 1;
                     }
                 });
@@ -149,12 +149,16 @@ impl HashGrid {
     }
 
     /// The order does not depend on insertion.
-    fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
+    fn collect(&self, head: u32, chain: &mut Vec<ChainMember>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
         while at != END {
-            let Linked { cell, corner_mask, id, next } = self.entries[at as usize];
-            try_push(chain, InChain { cell: cell.to_array(), corner_mask, id }, "a chain of a hash table")?;
+            let ChainEntry { cell, corner_mask, id, next } = self.entries[at as usize];
+            try_push(
+                chain,
+                ChainMember { cell: cell.to_array(), corner_mask, id },
+                "a chain of a hash table",
+            )?;
             at = next;
         }
         if chain.len() > 1 {
@@ -167,9 +171,9 @@ impl HashGrid {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let table = entries.next_power_of_two() * size_of::<u32>() as u64;
         let batches = threads * Batch::memory_for(entries.min(2 * BATCH_SPHERES as u64));
-        let chains = with_growth(most_members(spheres, entries, threads) * size_of::<InChain>() as u64);
+        let chains = with_growth(most_members(spheres, entries, threads) * size_of::<ChainMember>() as u64);
         let overfull = OverfullCells::memory_for(spheres, threads);
-        with_growth(entries * size_of::<Linked>() as u64 + table) + batches + chains + overfull
+        with_growth(entries * size_of::<ChainEntry>() as u64 + table) + batches + chains + overfull
     }
 }
 
@@ -183,7 +187,7 @@ impl<'o, O: Output> Search<'_, 'o, O> {
     fn chains(
         &self,
         heads: &[u32],
-        chain: &mut Vec<InChain>,
+        chain: &mut Vec<ChainMember>,
         mut sink: O::Sink<'o>,
     ) -> Result<O::Sink<'o>, Error> {
         let &Self { grid, input, output } = self;

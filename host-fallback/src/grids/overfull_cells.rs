@@ -101,7 +101,7 @@ impl OverfullCell {
         self.order.clear();
         let first = self.arrange(large, 0, &grouping)?;
         let second = self.arrange(small, large.len(), &grouping)?;
-        for (a, b) in grouping.meetings() {
+        for (a, b) in grouping.paired_groups() {
             self.plan(&first[a], &first[b], if a == b { &LATER_PARTNERS } else { &ALL_PARTNERS })?;
             self.plan(&first[a], &second[b], &ALL_PARTNERS)?;
             if a != b {

@@ -29,7 +29,7 @@ const MAX_INTEGER_CELL: u32 = 1 << 27;
 const FAR_GAP: u32 = 16;
 const MIDDLE: u32 = 1 << 31;
 /// Growth of radii, far above the rounding of the exact test.
-const WIDER: f64 = 1.0 + 1e-9;
+const RADIUS_GROWTH: f64 = 1.0 + 1e-9;
 /// Largest relative rounding error of a coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 /// Factor on the cell size, so that a widened sphere of one cell's diameter never spans three.
@@ -190,10 +190,10 @@ impl UniformGrid {
         let center = center.as_dvec3();
         if PERIODIC {
             let PeriodicAxes { per_length, origin, lengths, .. } = self.periodic;
-            let half = center.abs().max(lengths) * ROUNDING + f64::from(radius) * WIDER;
+            let half = center.abs().max(lengths) * ROUNDING + f64::from(radius) * RADIUS_GROWTH;
             return ((center - half) * per_length + origin, (center + half) * per_length + origin);
         }
-        let half = center.abs() * ROUNDING + f64::from(radius) * WIDER;
+        let half = center.abs() * ROUNDING + f64::from(radius) * RADIUS_GROWTH;
         ((center - half) * self.per_length + self.shift, (center + half) * self.per_length + self.shift)
     }
 

@@ -1,4 +1,4 @@
-use super::species_partition::{Meeting, SpeciesPartition};
+use super::species_partition::{GroupInteraction, SpeciesPartition};
 use crate::Error;
 use crate::compare::PairTest;
 use crate::memory::{try_collect, try_resize};
@@ -29,8 +29,9 @@ impl<'a> Grouping<'a> {
     }
 
     pub(crate) fn is_by_radii(&self) -> bool {
-        self.species
-            .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
+        self.species.is_some_and(|(partition, _)| {
+            partition.group_interactions.iter().flatten().all(|of| of.is_by_radii)
+        })
     }
 
     #[inline(always)]
@@ -60,27 +61,27 @@ impl<'a> Grouping<'a> {
     }
 
     pub(crate) fn paired(&self) -> u32 {
-        self.meetings().fold(0, |paired, (a, b)| paired | 1 << a | 1 << b)
+        self.paired_groups().fold(0, |paired, (a, b)| paired | 1 << a | 1 << b)
     }
 
     pub(crate) fn pairs_within(&self, group: usize) -> bool {
-        self.meeting(group, group).is_some()
+        self.group_interaction(group, group).is_some()
     }
 
-    pub(crate) fn meetings(&self) -> impl Iterator<Item = (usize, usize)> {
+    pub(crate) fn paired_groups(&self) -> impl Iterator<Item = (usize, usize)> {
         let groups = self.count();
         let all = (0..groups).flat_map(move |a| (a..groups).map(move |b| (a, b)));
-        all.filter(|&(a, b)| self.meeting(a, b).is_some())
+        all.filter(|&(a, b)| self.group_interaction(a, b).is_some())
     }
 
     /// Returns `None` if the groups never pair.
-    pub(crate) fn meeting(&self, a: usize, b: usize) -> Option<Meeting> {
+    pub(crate) fn group_interaction(&self, a: usize, b: usize) -> Option<GroupInteraction> {
         let per_set = self.per_set();
         if self.split.is_some() && a / per_set == b / per_set {
             return None;
         }
-        self.species.map_or(Some(Meeting::ANY), |(partition, _)| {
-            partition.meetings[a % per_set * per_set + b % per_set]
+        self.species.map_or(Some(GroupInteraction::ANY), |(partition, _)| {
+            partition.group_interactions[a % per_set * per_set + b % per_set]
         })
     }
 }

@@ -92,10 +92,10 @@ impl<V: SimdWidth, L: InputLoop> Run<'_, V, L> {
             (None, true) => task.run::<V, false>(vector, rows, map),
             (None, false) => task.run::<V, true>(vector, rows, map),
             (Some((ids, species_radii)), true) => {
-                task.run::<V, false>(vector, OfSpecies { rows, ids, species_radii }, map)
+                task.run::<V, false>(vector, SpeciesRows { rows, ids, species_radii }, map)
             }
             (Some((ids, species_radii)), false) => {
-                task.run::<V, true>(vector, OfSpecies { rows, ids, species_radii }, map)
+                task.run::<V, true>(vector, SpeciesRows { rows, ids, species_radii }, map)
             }
         }
     }
@@ -107,7 +107,7 @@ impl<V: SimdWidth, L: InputLoop> Run<'_, V, L> {
         match species {
             None => task.run::<V, true>(vector, rows, map),
             Some((ids, species_radii)) => {
-                task.run::<V, true>(vector, OfSpecies { rows, ids, species_radii }, map)
+                task.run::<V, true>(vector, SpeciesRows { rows, ids, species_radii }, map)
             }
         }
     }
@@ -138,13 +138,13 @@ impl<T: Copy + Into<f64>> InputRows for &Strided<'_, T> {
 }
 
 #[derive(Clone, Copy)]
-struct OfSpecies<'a, R> {
+struct SpeciesRows<'a, R> {
     rows: R,
     ids: &'a [u32],
     species_radii: &'a [SpeciesRadius],
 }
 
-impl<R: InputRows> InputRows for OfSpecies<'_, R> {
+impl<R: InputRows> InputRows for SpeciesRows<'_, R> {
     #[inline(always)]
     fn prefetch(self, k: usize) {
         self.rows.prefetch(k);

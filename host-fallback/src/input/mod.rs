@@ -18,7 +18,7 @@ pub use query::{Preparation, PreparedQuery, QueryBuffers, check};
 pub(crate) use search_input::{SearchInput, search_chunks};
 pub use species_groups::SpeciesGroups;
 pub use species_partition::SpeciesPartition;
-pub(crate) use species_partition::{Division, MAX_GROUPS, Meeting};
+pub(crate) use species_partition::{Division, GroupInteraction, MAX_GROUPS};
 pub use stats::{InputStats, SizeClass};
 pub use unequal_radii::sample_species;
 pub use validate::check_valid;

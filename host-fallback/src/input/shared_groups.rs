@@ -24,7 +24,7 @@ struct SharedGroups {
 }
 
 impl SharedGroups {
-    fn meets(&self, a: usize, b: usize) -> bool {
+    fn groups_pair(&self, a: usize, b: usize) -> bool {
         self.partners[a] >> b & 1 == 1
     }
 
@@ -35,7 +35,7 @@ impl SharedGroups {
     /// Returns the disadvantage of a group: first needless comparisons within crowds, then added comparisons of
     /// species.
     fn cost(&self, group: usize, partners: u8, pairs_with_itself: bool) -> (u8, usize) {
-        let met_itself = self.meets(group, group);
+        let met_itself = self.groups_pair(group, group);
         let meets_itself = met_itself || pairs_with_itself || partners >> group & 1 == 1;
         let crowds = match self.species[group] {
             _ if !meets_itself => 0,

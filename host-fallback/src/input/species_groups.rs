@@ -147,7 +147,7 @@ mod tests {
     use lazygrid_kernels::{Interaction, Sphere, Spheres};
 
     use super::*;
-    use crate::input::{Grouping, MAX_GROUPS, Meeting};
+    use crate::input::{GroupInteraction, Grouping, MAX_GROUPS};
 
     fn update(groups: &mut SpeciesGroups, ids: &[u32], table: &Interactions) {
         let spheres = vec![Sphere::default(); ids.len()];
@@ -178,9 +178,12 @@ mod tests {
         }
         assert_eq!(groups_by_partners(&[0, 1, 2, 3], &table), [0, 1, 0, 1]);
         let groups = groups(&[3, 2, 1, 0], &table);
-        let meeting = Some(Meeting { touches: false, distance: 1.0, is_by_radii: true });
-        assert_eq!(by_partners(&groups).meetings, [None, meeting, meeting, None]);
-        assert!(!groups.partition(Division::Merged).meetings[0].expect("some pair").is_by_radii);
+        let group_interaction = Some(GroupInteraction { touches: false, distance: 1.0, is_by_radii: true });
+        assert_eq!(
+            by_partners(&groups).group_interactions,
+            [None, group_interaction, group_interaction, None]
+        );
+        assert!(!groups.partition(Division::Merged).group_interactions[0].expect("some pair").is_by_radii);
         assert_eq!((by_partners(&groups).count, groups.partition(Division::Merged).count), (2, 1));
         assert!(groups.finer_divisions().eq([Division::ByPartners]));
     }
@@ -193,11 +196,11 @@ mod tests {
         assert_eq!(groups_by_partners(&[0, 2], &table), [0, 0], "its partner is absent");
         let mut groups = groups(&[0, 1, 2], &table);
         let grouping = Grouping::new(None, Some((by_partners(&groups), &[0, 1, 2])));
-        assert!((0..3).all(|other| grouping.meeting(2, other).is_none()));
+        assert!((0..3).all(|other| grouping.group_interaction(2, other).is_none()));
         assert_eq!(groups.partition(Division::Merged).of_species, [0, 0, 1]);
         update(&mut groups, &[2], &table);
         let merged = groups.partition(Division::Merged);
-        assert_eq!((merged.count, merged.meetings[0], groups.version()), (1, None, 2));
+        assert_eq!((merged.count, merged.group_interactions[0], groups.version()), (1, None, 2));
     }
 
     #[test]
@@ -208,10 +211,11 @@ mod tests {
         }
         let all: Vec<u32> = (0..100).collect();
         let nine = groups(&all[..MAX_GROUPS + 1], &table);
-        let meeting = |a: usize, b: usize| by_partners(&nine).meetings[a * MAX_GROUPS + b];
-        assert_eq!(meeting(0, 0).map(|of| of.is_by_radii), Some(false), "of two species");
-        assert_eq!(meeting(1, 1).map(|of| of.is_by_radii), Some(true));
-        assert_eq!(meeting(0, 1), None);
+        let group_interaction =
+            |a: usize, b: usize| by_partners(&nine).group_interactions[a * MAX_GROUPS + b];
+        assert_eq!(group_interaction(0, 0).map(|of| of.is_by_radii), Some(false), "of two species");
+        assert_eq!(group_interaction(1, 1).map(|of| of.is_by_radii), Some(true));
+        assert_eq!(group_interaction(0, 1), None);
         let groups = groups_by_partners(&all, &table);
         let members = |group: u8| groups.iter().filter(|of| **of == group).count();
         assert!((0..MAX_GROUPS as u8).all(|group| (12..=13).contains(&members(group))), "{groups:?}");
@@ -227,11 +231,11 @@ mod tests {
         let groups = groups(&all, &table);
         let partition = by_partners(&groups);
         assert!(partition.count <= MAX_GROUPS + 1);
-        let are_met = |(a, b): (u32, u32)| {
-            !pairs(a.min(b), a.max(b)) || partition.meets(partition.group_of(a), partition.group_of(b))
+        let are_in_paired_groups = |(a, b): (u32, u32)| {
+            !pairs(a.min(b), a.max(b)) || partition.groups_pair(partition.group_of(a), partition.group_of(b))
         };
-        assert!(all.iter().flat_map(|&a| all.iter().map(move |&b| (a, b))).all(are_met));
-        let meets_itself = |group: &usize| partition.meets(*group, *group);
+        assert!(all.iter().flat_map(|&a| all.iter().map(move |&b| (a, b))).all(are_in_paired_groups));
+        let meets_itself = |group: &usize| partition.groups_pair(*group, *group);
         ((0..partition.count).filter(meets_itself).count(), partition.of_species.clone())
     }
 
@@ -348,9 +352,12 @@ mod tests {
         let groups = groups(&ids, &table);
         let grouping = Grouping::new(Some(2), Some((by_partners(&groups), &ids)));
         assert_eq!([0, 1, 2, 3].map(|id| grouping.group_of(id)), [0, 1, 2, 3]);
-        let meets = |a: usize, b: usize| grouping.meeting(a, b).is_some();
-        assert!(!meets(0, 1) && !meets(0, 2) && meets(0, 3) && meets(1, 2));
+        let groups_pair = |a: usize, b: usize| grouping.group_interaction(a, b).is_some();
+        assert!(!groups_pair(0, 1) && !groups_pair(0, 2) && groups_pair(0, 3) && groups_pair(1, 2));
         let sets = Grouping::new(Some(2), None);
-        assert_eq!((sets.count(), sets.meeting(0, 0), sets.meeting(1, 0)), (2, None, Some(Meeting::ANY)));
+        assert_eq!(
+            (sets.count(), sets.group_interaction(0, 0), sets.group_interaction(1, 0)),
+            (2, None, Some(GroupInteraction::ANY))
+        );
     }
 }

@@ -25,7 +25,7 @@ const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
 const MAX_NARROW: f32 = 0.5;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Meeting {
+pub(crate) struct GroupInteraction {
     /// Contact decides some pairs.
     pub(crate) touches: bool,
     /// Largest distance of a pair, or 0.
@@ -34,32 +34,36 @@ pub(crate) struct Meeting {
     pub(crate) is_by_radii: bool,
 }
 
-impl Meeting {
+impl GroupInteraction {
     pub(crate) const ANY: Self = Self { touches: true, distance: f64::INFINITY, is_by_radii: false };
 
     fn from_species(species: impl Iterator<Item = (u32, u32)>, table: SpeciesTable<'_>) -> Option<Self> {
         let none = Self { touches: false, distance: 0.0, is_by_radii: true };
-        let (meeting, pairs) = species.fold((none, false), |(mut meeting, pairs), (a, b)| {
-            let interaction = table.interactions.get(a, b);
-            let is_by_radii = [a, b].into_iter().all(|species| {
-                let EffectiveRadius { touches, half, .. } = table.species_radii[species as usize].effective;
+        let (group_interaction, pairs) =
+            species.fold((none, false), |(mut group_interaction, pairs), (a, b)| {
+                let interaction = table.interactions.get(a, b);
+                let is_by_radii = [a, b].into_iter().all(|species| {
+                    let EffectiveRadius { touches, half, .. } =
+                        table.species_radii[species as usize].effective;
+                    match interaction {
+                        Interaction::Never => false,
+                        Interaction::Touch => half == 0.0,
+                        Interaction::Within(distance) => {
+                            !touches && (distance..=ROUNDED_UP * distance).contains(&(2.0 * f64::from(half)))
+                        }
+                    }
+                });
+                group_interaction.is_by_radii &= is_by_radii;
                 match interaction {
-                    Interaction::Never => false,
-                    Interaction::Touch => half == 0.0,
+                    Interaction::Never => return (group_interaction, pairs),
+                    Interaction::Touch => group_interaction.touches = true,
                     Interaction::Within(distance) => {
-                        !touches && (distance..=ROUNDED_UP * distance).contains(&(2.0 * f64::from(half)))
+                        group_interaction.distance = group_interaction.distance.max(distance)
                     }
                 }
+                (group_interaction, true)
             });
-            meeting.is_by_radii &= is_by_radii;
-            match interaction {
-                Interaction::Never => return (meeting, pairs),
-                Interaction::Touch => meeting.touches = true,
-                Interaction::Within(distance) => meeting.distance = meeting.distance.max(distance),
-            }
-            (meeting, true)
-        });
-        pairs.then_some(meeting)
+        pairs.then_some(group_interaction)
     }
 }
 
@@ -86,7 +90,7 @@ pub struct SpeciesPartition {
     pub(super) of_species: Vec<u8>,
     pub(super) count: usize,
     /// Indexed by two groups, row by row; `None` if they never pair.
-    pub(super) meetings: Vec<Option<Meeting>>,
+    pub(super) group_interactions: Vec<Option<GroupInteraction>>,
     /// Radius of each species for its own group. Empty unless some species pairs much farther with others in a
     /// division by distance.
     pub(super) narrow: Vec<SpeciesRadius>,
@@ -95,10 +99,10 @@ pub struct SpeciesPartition {
 impl SpeciesPartition {
     /// Returns the most bytes of the three divisions of a table of `species`, of which `present` are grouped.
     pub(super) fn memory_of_three(species: u64, present: u64) -> u64 {
-        let meetings = (MAX_GROUPS + 1).pow(2) * size_of::<Option<Meeting>>();
+        let group_interactions = (MAX_GROUPS + 1).pow(2) * size_of::<Option<GroupInteraction>>();
         let groups = present.min(MAX_PRESENT as u64) * size_of::<Option<usize>>() as u64;
         let narrow = species * size_of::<SpeciesRadius>() as u64;
-        3 * (species + meetings as u64 + groups) + narrow + 2 * groups
+        3 * (species + group_interactions as u64 + groups) + narrow + 2 * groups
     }
 
     fn new(of_species: Vec<u8>, count: usize, present: &[u32], table: SpeciesTable<'_>) -> Self {
@@ -106,11 +110,12 @@ impl SpeciesPartition {
             let of_species = &of_species;
             present.iter().copied().filter(move |&s| usize::from(of_species[s as usize]) == group)
         };
-        let meeting = |a: usize, b: usize| {
-            Meeting::from_species(members(a).flat_map(|s| members(b).map(move |t| (s, t))), table)
+        let group_interaction = |a: usize, b: usize| {
+            GroupInteraction::from_species(members(a).flat_map(|s| members(b).map(move |t| (s, t))), table)
         };
-        let meetings = (0..count * count).map(|k| meeting(k / count, k % count)).collect();
-        Self { of_species, count, meetings, narrow: Vec::new() }
+        let group_interactions =
+            (0..count * count).map(|k| group_interaction(k / count, k % count)).collect();
+        Self { of_species, count, group_interactions, narrow: Vec::new() }
     }
 
     pub(super) fn narrowed(self, present: &[u32], table: SpeciesTable<'_>) -> Result<Self, Error> {
@@ -119,7 +124,7 @@ impl SpeciesPartition {
         for &species in present {
             let group = self.group_of(species);
             // A group without own pairs is searched only by other groups.
-            if self.meets(group, group) {
+            if self.groups_pair(group, group) {
                 let members = present.iter().copied().filter(|&other| self.group_of(other) == group);
                 let own = table.interactions.species_radius_among(species, members);
                 let all = std::mem::replace(&mut narrow[species as usize], own).effective;
@@ -174,30 +179,36 @@ impl SpeciesPartition {
         self.of_species[species as usize].into()
     }
 
-    pub fn meets(&self, a: usize, b: usize) -> bool {
-        self.meetings[a * self.count + b].is_some()
+    pub fn groups_pair(&self, a: usize, b: usize) -> bool {
+        self.group_interactions[a * self.count + b].is_some()
     }
 
     pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
-        self.meetings[a * self.count + b].map_or(0.0, |meeting| meeting.distance)
+        self.group_interactions[a * self.count + b]
+            .map_or(0.0, |group_interaction| group_interaction.distance)
     }
 
     /// Returns the largest distance within a group, relative to that to any group. Returns `None` if its spheres never
     /// pair, or pair by contact: radii may be as large as distances.
     pub fn narrowness(&self, group: usize) -> Option<f64> {
-        let own = self.meetings[group * self.count + group].filter(|own| !own.touches)?;
+        let own = self.group_interactions[group * self.count + group].filter(|own| !own.touches)?;
         let largest = (0..self.count).map(|other| self.distance(group, other)).fold(0.0, f64::max);
         Some(own.distance / largest)
     }
 
     /// Returns `true` for a group that pairs with no group.
     pub fn is_idle(&self, group: usize) -> bool {
-        (0..self.count).all(|other| !self.meets(group, other))
+        (0..self.count).all(|other| !self.groups_pair(group, other))
     }
 
     fn undivided(species: u32) -> Self {
         let of_species = vec![0; species as usize];
-        Self { of_species, count: 1, meetings: vec![Some(Meeting::ANY)], narrow: Vec::new() }
+        Self {
+            of_species,
+            count: 1,
+            group_interactions: vec![Some(GroupInteraction::ANY)],
+            narrow: Vec::new(),
+        }
     }
 }
 

@@ -13,7 +13,7 @@ use crate::memory::try_collect;
 /// smaller.
 const MAX_NARROW: f64 = 0.5;
 /// Fraction of the expected candidates below which one choice of radii replaces another.
-const WORTHWHILE: f64 = 0.75;
+const MAX_COST_RATIO: f64 = 0.75;
 /// Maximum spheres of each set whose species are counted.
 const SAMPLES: usize = 1024;
 
@@ -62,9 +62,9 @@ impl UnequalRadii {
         present: &[u32],
         table: SpeciesTable<'_>,
     ) -> Result<bool, Error> {
-        let crowds = Crowds::new(query, partition);
-        let chosen = crowds.best(self.narrow);
-        if !crowds.is_better(chosen, self.chosen) {
+        let counts = GroupCounts::new(query, partition);
+        let chosen = counts.best(self.narrow);
+        if !counts.is_better(chosen, self.chosen) {
             return Ok(false);
         }
         self.species_radii = match chosen {
@@ -123,12 +123,12 @@ pub fn sample_species(query: &Query<'_>, mut add: impl FnMut(u32, f64)) {
     }
 }
 
-struct Crowds<'a> {
+struct GroupCounts<'a> {
     partition: &'a SpeciesPartition,
     counts: [f64; MAX_GROUPS + 1],
 }
 
-impl<'a> Crowds<'a> {
+impl<'a> GroupCounts<'a> {
     fn new(query: &Query<'_>, partition: &'a SpeciesPartition) -> Self {
         let mut counts = [1.0; MAX_GROUPS + 1];
         sample_species(query, |species, spheres| counts[partition.group_of(species)] += spheres);
@@ -140,7 +140,7 @@ impl<'a> Crowds<'a> {
         let mut order: [usize; MAX_GROUPS + 1] = std::array::from_fn(|group| group);
         order.sort_unstable_by(|&a, &b| self.counts[b].total_cmp(&self.counts[a]).then(a.cmp(&b)));
         order.into_iter().filter(|&group| narrow.has(group)).fold(Groups::NONE, |chosen, group| {
-            let pairs_with = |other| chosen.has(other) && self.partition.meets(group, other);
+            let pairs_with = |other| chosen.has(other) && self.partition.groups_pair(group, other);
             let is_better = || self.is_better(chosen.with(group), chosen);
             let is_added = !(0..self.partition.count).any(pairs_with) && is_better();
             if is_added { chosen.with(group) } else { chosen }
@@ -148,7 +148,7 @@ impl<'a> Crowds<'a> {
     }
 
     fn is_better(&self, chosen: Groups, before: Groups) -> bool {
-        self.candidates(chosen) < WORTHWHILE * self.candidates(before)
+        self.candidates(chosen) < MAX_COST_RATIO * self.candidates(before)
     }
 
     /// Returns the expected candidates of evenly mixed spheres, up to a common factor.
@@ -159,7 +159,7 @@ impl<'a> Crowds<'a> {
             pairs * (self.radius(a, chosen) + self.radius(b, chosen)).powi(3)
         };
         let pairs = groups.clone().flat_map(|a| groups.clone().skip(a).map(move |b| (a, b)));
-        pairs.filter(|&(a, b)| self.partition.meets(a, b)).map(|(a, b)| of_pair(a, b)).sum()
+        pairs.filter(|&(a, b)| self.partition.groups_pair(a, b)).map(|(a, b)| of_pair(a, b)).sum()
     }
 
     fn radius(&self, group: usize, chosen: Groups) -> f64 {

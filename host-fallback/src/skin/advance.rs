@@ -52,11 +52,11 @@ struct Advance<'a> {
 }
 
 impl<'a> SimdTask for Advance<'a> {
-    type Result = Largest;
+    type Result = AdvanceMaxima;
 
     #[inline(always)]
-    fn run<V: SimdWidth>(self, vector: V) -> Largest {
-        let largest = Largest::new(self.test);
+    fn run<V: SimdWidth>(self, vector: V) -> AdvanceMaxima {
+        let largest = AdvanceMaxima::new(self.test);
         match self.input {
             Some(input) => input.run(vector, AdvanceInput { rows: self.rows, then: self.then, largest }),
             None if self.test.space().is_periodic() => self.advance::<V, true>(vector, largest),
@@ -67,7 +67,7 @@ impl<'a> SimdTask for Advance<'a> {
 
 impl Advance<'_> {
     #[inline(always)]
-    fn advance<V: SimdWidth, const PERIODIC: bool>(self, vector: V, largest: Largest) -> Largest {
+    fn advance<V: SimdWidth, const PERIODIC: bool>(self, vector: V, largest: AdvanceMaxima) -> AdvanceMaxima {
         let Self { test, then, rows, .. } = self;
         test.for_rows(AdvanceEffective::<V, PERIODIC> { vector, rows, then, largest })
     }
@@ -77,14 +77,14 @@ struct AdvanceEffective<'a, V, const PERIODIC: bool> {
     vector: V,
     rows: &'a mut [Xyzr],
     then: &'a [SortRecord],
-    largest: Largest,
+    largest: AdvanceMaxima,
 }
 
 impl<V: SimdWidth, const PERIODIC: bool> EffectiveLoop for AdvanceEffective<'_, V, PERIODIC> {
-    type Result = Largest;
+    type Result = AdvanceMaxima;
 
     #[inline(always)]
-    fn run(self, now: impl EffectiveRows) -> Largest {
+    fn run(self, now: impl EffectiveRows) -> AdvanceMaxima {
         let Self { vector, rows, then, mut largest } = self;
         for (k, row) in rows.iter_mut().enumerate() {
             now.prefetch(then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
@@ -97,11 +97,11 @@ impl<V: SimdWidth, const PERIODIC: bool> EffectiveLoop for AdvanceEffective<'_, 
 struct AdvanceInput<'a> {
     then: &'a [SortRecord],
     rows: &'a mut [Xyzr],
-    largest: Largest,
+    largest: AdvanceMaxima,
 }
 
 impl InputLoop for AdvanceInput<'_> {
-    type Result = Largest;
+    type Result = AdvanceMaxima;
 
     #[inline(always)]
     fn run<V: SimdWidth, const PERIODIC: bool>(
@@ -109,7 +109,7 @@ impl InputLoop for AdvanceInput<'_> {
         vector: V,
         input: impl InputRows,
         map: &FrameMap<'_>,
-    ) -> Largest {
+    ) -> AdvanceMaxima {
         let Self { then, rows, mut largest } = self;
         for (k, row) in rows.iter_mut().enumerate() {
             input.prefetch(then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
@@ -126,7 +126,7 @@ impl InputLoop for AdvanceInput<'_> {
     }
 }
 
-struct Largest {
+struct AdvanceMaxima {
     lengths: [f32; 4],
     /// Bits of the squared largest used fraction. Infinity and NaN have the largest bits.
     fraction: u32,
@@ -135,7 +135,7 @@ struct Largest {
     bounds: Bounds,
 }
 
-impl Largest {
+impl AdvanceMaxima {
     #[inline(always)]
     fn new(test: &PairTest<'_>) -> Self {
         let [x, y, z] = test.lengths().map(|length| length.unwrap_or(f32::INFINITY));

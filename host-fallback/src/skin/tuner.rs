@@ -16,7 +16,7 @@ use crate::report::RebuildReason;
 /// Maximum searches before a new choice, and number of searches without a list after an overflow.
 const MAX_WAIT: u32 = 31;
 /// Ratios of observed to expected validity and candidates, for which a choice is kept.
-const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
+const EXPECTED_RATIOS: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 
 /// Learns from calls and chooses skins. It never reads a clock, so that runs are reproducible.
 #[derive(Debug, Default)]
@@ -39,7 +39,7 @@ impl SkinTuner {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub fn look(
+    pub fn observe_spheres(
         &mut self,
         spheres: Spheres<'_>,
         interactions: Option<&Interactions>,
@@ -61,7 +61,7 @@ impl SkinTuner {
         if let (Some(RebuildReason::Displacement), Some(choice)) = (rebuild_reason, &self.choice) {
             self.displacements.learn(self.first * choice.skin, age, fraction * choice.skin);
             // A list that lasted about as predicted is not reconsidered soon.
-            let is_as_expected = AS_EXPECTED.contains(&(age as f32 / (choice.calls + 1.0)));
+            let is_as_expected = EXPECTED_RATIOS.contains(&(age as f32 / (choice.calls + 1.0)));
             self.wait = if is_as_expected { self.wait } else { 0 };
         }
     }
@@ -70,7 +70,9 @@ impl SkinTuner {
     pub fn record_count(&mut self, candidates: f32) {
         if let Some(choice) = &self.choice {
             let excess = candidates / choice.candidates;
-            if excess.is_finite() && !AS_EXPECTED.contains(&excess) && choice.candidates.max(candidates) > 0.5
+            if excess.is_finite()
+                && !EXPECTED_RATIOS.contains(&excess)
+                && choice.candidates.max(candidates) > 0.5
             {
                 self.excess = (self.excess + excess.log2()).clamp(-4.0, 4.0);
                 self.wait = 0;
@@ -179,7 +181,7 @@ mod tests {
         let directions: Vec<_> = (0..n).map(|_| glam::Vec3::from(random.point(1.0)).normalize()).collect();
         let (mut held, mut displacement, mut age, mut served) = (None, 0.0, 0, 0);
         for _ in 0..calls {
-            tuner.look((&spheres).into(), None, space).expect("there is memory");
+            tuner.observe_spheres((&spheres).into(), None, space).expect("there is memory");
             if let Some(skin) = held {
                 (age, displacement) = (age + 1, displacement + step);
                 let rebuild_reason = (displacement > skin / 2.0).then_some(RebuildReason::Displacement);
@@ -238,7 +240,7 @@ mod tests {
         for call in 0..1000 {
             let mut spheres = spheres.clone();
             spheres.iter_mut().for_each(|sphere| sphere.center.x += 1e-3 * call as f32);
-            tuner.look((&spheres).into(), None, Space::UNBOUNDED).expect("there is memory");
+            tuner.observe_spheres((&spheres).into(), None, Space::UNBOUNDED).expect("there is memory");
             tuner.record_age((1, 80.0), Some(RebuildReason::Displacement));
             let skin = tuner.skin((&spheres).into(), None, Space::UNBOUNDED, &COSTS).expect("valid");
             tried += u32::from(skin.is_some());

@@ -1,6 +1,6 @@
 use crate::{Error, InputError, MAX_SPHERES, try_reserve};
 
-const WHAT: &str = "excluded pairs";
+const EXCLUDED_PAIRS: &str = "excluded pairs";
 
 /// Pairs that a search never reports, such as bonds.
 ///
@@ -76,8 +76,8 @@ impl Exclusions {
         pairs.sort_unstable();
         pairs.dedup();
         let (mut offsets, mut others) = (Vec::new(), Vec::new());
-        try_reserve(&mut offsets, first + 1, WHAT)?;
-        try_reserve(&mut others, pairs.len(), WHAT)?;
+        try_reserve(&mut offsets, first + 1, EXCLUDED_PAIRS)?;
+        try_reserve(&mut others, pairs.len(), EXCLUDED_PAIRS)?;
         others.extend(pairs.iter().map(|(_, j)| *j));
         offsets.resize(first + 1, 0);
         for (i, _) in &pairs {
@@ -128,13 +128,13 @@ fn checked(
     }
     let pairs = pairs.into_iter();
     let mut all = Vec::new();
-    try_reserve(&mut all, pairs.size_hint().0, WHAT)?;
+    try_reserve(&mut all, pairs.size_hint().0, EXCLUDED_PAIRS)?;
     for (i, j) in pairs {
         if i as usize >= first || j as usize >= second {
             return Err(InputError::ExcludedIndex { i, j, first, second }.into());
         }
         if all.len() == all.capacity() {
-            try_reserve(&mut all, 1, WHAT)?;
+            try_reserve(&mut all, 1, EXCLUDED_PAIRS)?;
         }
         all.push((i, j));
     }

@@ -10,7 +10,7 @@ const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
 /// this fraction, 2⁻⁴¹, exceeds the rounding of coordinates in `f64`.
 const FAR: f64 = 1.0 / (1 << 20) as f64;
 /// Growth of orthogonalized radii: above the error of a GPU, 5 ulp of the squared cutoff.
-const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
+const RADIUS_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 
 /// The map from a triclinic cell to distances from the planes that pairs of basis vectors span. Their space is periodic
 /// along the axes, and distances grow at most by `stretch`.
@@ -174,7 +174,7 @@ impl Orthogonalization {
 
     #[inline(always)]
     fn enlarged(&self, radius: f64, rounding: f64, limit: f64) -> f32 {
-        let radius = (self.stretch * radius + ROUNDING * rounding) * REACH_MARGIN;
+        let radius = (self.stretch * radius + ROUNDING * rounding) * RADIUS_MARGIN;
         let radius = if radius < limit { radius } else { limit };
         // The next larger number of a positive one.
         f32::from_bits((radius as f32).to_bits() + 1)
@@ -204,5 +204,5 @@ fn norm_bound(rows: [DVec3; 3]) -> f64 {
         products *= size.recip();
         products = products * products;
     }
-    (0.5 * logarithm).exp() * REACH_MARGIN
+    (0.5 * logarithm).exp() * RADIUS_MARGIN
 }

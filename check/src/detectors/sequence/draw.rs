@@ -1,9 +1,9 @@
 use glam::Vec3;
 use lazygrid::{Algorithm, Interaction, Order, Skin, Space, Sphere};
 
-use super::ask::{Ask, Ending, Layout, Output};
 use super::events::World;
 use super::faults::spoil;
+use super::request::{Ending, Layout, Output, Request};
 use super::round;
 use super::{Sequence, Settings, Step};
 use crate::detectors::variant::TargetDevice;
@@ -17,7 +17,7 @@ const TRICLINIC: u32 = 6;
 /// Maximum number of spheres in general, and in triclinic cells, where the definition tests many images.
 const MAX_SPHERES: [usize; 2] = [5000, 1300];
 /// The number of spheres may grow by this factor in its space.
-const CROWDING: usize = 4;
+const MAX_NUMBER_GROWTH: usize = 4;
 
 pub(super) fn sequence(seed: u64, variant: impl FnOnce(&mut Random) -> DetectorVariant) -> Sequence {
     let mut random = Random(seed ^ OTHER);
@@ -104,7 +104,7 @@ fn world(random: &mut Random, variant: DetectorVariant) -> World {
     } else {
         let space = random.below(8);
         let n = number(random, variant, MAX_SPHERES[usize::from(space >= TRICLINIC)]);
-        world.most = MAX_SPHERES[usize::from(space >= TRICLINIC)].min(CROWDING * n + 500);
+        world.most = MAX_SPHERES[usize::from(space >= TRICLINIC)].min(MAX_NUMBER_GROWTH * n + 500);
         let neighbors = [0.3, 2.0, 2.0, 8.0][random.below(4) as usize];
         let side = world.radius * (n.max(8) as f32 * 33.5 / neighbors).cbrt();
         let shape = [[1.0; 3], [1.0; 3], [1.0, 1.3, 0.8], [4.0, 4.0, 0.05]][random.below(4) as usize];
@@ -167,7 +167,7 @@ fn rows(random: &mut Random, radius: f32) -> Vec<Vec<Interaction>> {
 fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     let before = world.scenario.clone();
     let mut changes = if k > 0 { change(random, world, k) } else { Vec::new() };
-    let mut ask = ask(random, world.scenario.spheres.len());
+    let mut request = request(random, world.scenario.spheres.len());
     world.remember(before.clone());
     let mut scenario = world.scenario.clone();
     if random.below(if changes.is_empty() { 14 } else { 5 }) == 0 {
@@ -178,9 +178,9 @@ fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
             world.held = world.held.max(1);
         }
     } else if random.below(60) == 0 {
-        ask.has_foreign_exclusions = true;
+        request.has_foreign_exclusions = true;
     }
-    Step { scenario, changes, ask }
+    Step { scenario, changes, request }
 }
 
 /// Small steps get no name.
@@ -206,7 +206,7 @@ fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
     }
 }
 
-fn ask(random: &mut Random, spheres: usize) -> Ask {
+fn request(random: &mut Random, spheres: usize) -> Request {
     let output = match random.below(20) {
         0..=8 => Output::List,
         9..=12 => Output::Count,
@@ -222,7 +222,7 @@ fn ask(random: &mut Random, spheres: usize) -> Ask {
             Output::Stream { chunk: [1, 7, 64, 1 << 20][random.below(4) as usize], ending }
         }
     };
-    Ask {
+    Request {
         output,
         split: (random.below(9) == 0).then(|| random.below(spheres as u32 + 1) as usize),
         layout: match random.below(7) {

@@ -6,7 +6,7 @@ use crate::scenes::motion::walk;
 use crate::{DetectorVariant, ExclusionCase, Random, TestInput};
 
 /// Earlier scenes to which a sequence may return.
-const REMEMBERED: usize = 4;
+const MAX_HISTORY: usize = 4;
 /// Maximum number of spheres at one point, because all of them pair.
 const MAX_CROWD: usize = 400;
 /// Largest scene whose exclusions are drawn from its pairs.
@@ -46,7 +46,7 @@ impl World {
 
     pub(super) fn remember(&mut self, scenario: TestInput) {
         self.history.push(scenario);
-        if self.history.len() > REMEMBERED {
+        if self.history.len() > MAX_HISTORY {
             self.history.remove(0);
         }
     }

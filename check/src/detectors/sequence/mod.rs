@@ -11,18 +11,18 @@ use crate::detectors::compare::FailedCase;
 use crate::detectors::variant::{TargetDevice, text};
 use crate::{DetectorVariant, Gpu, SpeciesSetup, TestInput, catch_panic};
 
-mod ask;
 mod definition;
 mod draw;
 mod events;
 mod faults;
 mod reduce;
+mod request;
 mod round;
 #[cfg(test)]
 mod tests;
 mod verifier;
 
-use ask::{Answer, Ask, Output};
+use request::{Answer, Output, Request};
 use verifier::Verifier;
 
 #[derive(Clone, Debug)]
@@ -46,7 +46,7 @@ struct Settings {
 struct Step {
     scenario: TestInput,
     changes: Vec<&'static str>,
-    ask: Ask,
+    request: Request,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -91,13 +91,13 @@ impl Sequence {
     fn options(&self, gpu: Option<&Gpu>) -> String {
         let Settings { variant, skin, order, max_pairs, rows, .. } = &self.settings;
         let options = variant.options(gpu);
-        let [Step { scenario, ask, .. }] = &self.steps[..] else { return String::new() };
+        let [Step { scenario, request, .. }] = &self.steps[..] else { return String::new() };
         let has_table = rows.is_some() || scenario.mixture.is_some();
-        if options.is_empty() || *skin != Skin::Auto || has_table || !ask.is_plain() {
+        if options.is_empty() || *skin != Skin::Auto || has_table || !request.is_plain() {
             return String::new();
         }
         let unordered = if *order == Order::Unordered { " --unordered" } else { "" };
-        match ask.output {
+        match request.output {
             Output::Count => options + " --count",
             Output::Neighbors => format!("{options} --neighbors --max-pairs {max_pairs} -o neighbors.csv"),
             Output::List | Output::Stream { .. } => {
@@ -119,7 +119,7 @@ impl Sequence {
         for (k, step) in self.steps.iter().enumerate() {
             *at = k;
             let verifier = Verifier::new(&self.settings, step);
-            let answer = step.ask.answer(&mut detector, &step.scenario, &stop)?;
+            let answer = step.request.answer(&mut detector, &step.scenario, &stop)?;
             tally.calls += 1;
             tally.refused += u64::from(matches!(answer, Answer::Refused(_)));
             let report = detector.report();
@@ -127,7 +127,7 @@ impl Sequence {
             let verdict = verifier.verdict(&answer).and_then(|()| verifier.report(&answer, &report));
             let fresh = || {
                 let mut fresh = Detector::new(self.settings.fresh(config.clone())).map_err(text)?;
-                step.ask.answer(&mut fresh, &step.scenario, &stop)
+                step.request.answer(&mut fresh, &step.scenario, &stop)
             };
             if let Err(what) = verdict {
                 let of_new = match fresh().and_then(|answer| verifier.verdict(&answer)) {
@@ -179,9 +179,9 @@ impl fmt::Display for Sequence {
         write!(f, "fuzz seed {}: {variant}, {skin:?}, {order:?}, at most {max_pairs} pairs, ", self.seed)?;
         write!(f, "{space} space")?;
         rows.as_ref().map_or(Ok(()), |rows| write!(f, ", interactions {rows:?}"))?;
-        for (k, Step { scenario, changes, ask }) in self.steps.iter().enumerate() {
+        for (k, Step { scenario, changes, request }) in self.steps.iter().enumerate() {
             let with = if changes.is_empty() { String::new() } else { format!(" ({})", changes.join(", ")) };
-            write!(f, "; {}. {ask} of {}{with}", k + 1, scenario.spheres.len())?;
+            write!(f, "; {}. {request} of {}{with}", k + 1, scenario.spheres.len())?;
         }
         Ok(())
     }

@@ -1,4 +1,4 @@
-use super::ask::Layout;
+use super::request::Layout;
 use super::{Sequence, Step, Wrong};
 use crate::{TestInput, shrink};
 
@@ -21,7 +21,7 @@ pub(super) fn reduce(
         step.scenario.groups = None;
         step.scenario.excluded = None;
     });
-    best.attempt_each(|step| step.ask.layout = Layout::Rows);
+    best.attempt_each(|step| step.request.layout = Layout::Rows);
     best.drop_spheres();
     best.shrink_last();
     (best.sequence, best.wrong)
@@ -64,10 +64,11 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
             while from < most(&self.sequence).unwrap_or(0) && self.left > 0 {
                 let removed = from..from + group;
                 let mut smaller = self.sequence.clone();
-                for Step { scenario, ask, .. } in &mut smaller.steps {
+                for Step { scenario, request, .. } in &mut smaller.steps {
                     *scenario = scenario.only(|k| !removed.contains(&k));
-                    ask.split =
-                        ask.split.map(|split| split - split.min(removed.end).saturating_sub(removed.start));
+                    request.split = request
+                        .split
+                        .map(|split| split - split.min(removed.end).saturating_sub(removed.start));
                 }
                 if !self.attempt(smaller) {
                     from += group;

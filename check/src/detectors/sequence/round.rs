@@ -1,7 +1,7 @@
 use glam::DVec3;
 use lazygrid::{Algorithm, Order, Simd};
 
-use super::ask::{Ask, Ending, Layout, Output};
+use super::request::{Ending, Layout, Output, Request};
 use super::{Sequence, Settings, Step};
 use crate::detectors::compare::with_species;
 use crate::detectors::variant::TargetDevice;
@@ -48,8 +48,8 @@ pub(super) fn round(seed: u64, on_cpu: bool, on_gpu: bool) -> Sequence {
 
 fn step(output: Output, scenario: TestInput) -> Step {
     let layout = Layout::Rows;
-    let ask = Ask { output, split: None, layout, is_stopped: false, has_foreign_exclusions: false };
-    Step { scenario, changes: Vec::new(), ask }
+    let request = Request { output, split: None, layout, is_stopped: false, has_foreign_exclusions: false };
+    Step { scenario, changes: Vec::new(), request }
 }
 
 /// Fixes the cell of all scenes. Spheres of another family may be too many boxes away for `f64` to

@@ -28,11 +28,11 @@ fn rounds_are_reproducible_and_pass_on_the_cpu() {
         let round = Sequence::round(seed, true, false);
         assert_eq!(round.to_string(), Sequence::round(seed, true, false).to_string());
         let space = round.settings.space;
-        for Step { scenario, ask, .. } in &round.steps {
+        for Step { scenario, request, .. } in &round.steps {
             assert_eq!(scenario.space, space, "{round}");
             triclinic += usize::from(space.triclinic_cell().is_some());
             less += usize::from(scenario.groups.is_some() || scenario.excluded.is_some());
-            kinds[match ask.output {
+            kinds[match request.output {
                 Output::List => 0,
                 Output::Count => 1,
                 Output::Neighbors => 2,
@@ -50,7 +50,7 @@ fn answers(sequence: &Sequence, spoil: impl Fn(&mut Vec<Pair>)) -> Result<(), Wr
         let mut pairs = step.scenario.oracle();
         spoil(&mut pairs);
         let (found, limit) = (pairs.len() as u64, sequence.settings.max_pairs);
-        let answer = match step.ask.output {
+        let answer = match step.request.output {
             Output::Count => Answer::Count(found),
             Output::Stream { .. } => Answer::Pairs(pairs),
             _ if found > limit => Answer::Refused(lazygrid::Error::TooManyPairs { found, limit }),

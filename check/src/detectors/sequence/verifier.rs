@@ -1,6 +1,6 @@
 use lazygrid::{Error, InputError, Order, Pair, Report, Sphere};
 
-use super::ask::{Answer, Ending, Layout, Output};
+use super::request::{Answer, Ending, Layout, Output};
 use super::{Settings, Step, definition};
 use crate::{Tolerance, difference};
 
@@ -25,8 +25,8 @@ impl<'a> Verifier<'a> {
         let expected = match refusals.is_empty() {
             false => Expected::Refused(refusals),
             true => {
-                let mut pairs = definition::pairs(&step.scenario, step.ask.layout == Layout::WideRows);
-                let split = step.ask.split.map(|split| split.min(step.scenario.spheres.len()) as u32);
+                let mut pairs = definition::pairs(&step.scenario, step.request.layout == Layout::WideRows);
+                let split = step.request.split.map(|split| split.min(step.scenario.spheres.len()) as u32);
                 pairs.retain(|pair| is_requested(*pair, split));
                 let range = counts(step, &pairs, tolerance);
                 Expected::Pairs(pairs, range)
@@ -65,7 +65,7 @@ impl<'a> Verifier<'a> {
     fn is_refused_rightly(&self, error: &Error, range: [u64; 2]) -> Result<(), String> {
         let max_pairs = self.settings.max_pairs;
         match *error {
-            Error::Cancelled if self.step.ask.is_stopped => Ok(()),
+            Error::Cancelled if self.step.request.is_stopped => Ok(()),
             Error::TooManyPairs { found, limit }
                 if self.is_limited() && found > limit && limit == max_pairs =>
             {
@@ -92,7 +92,8 @@ impl<'a> Verifier<'a> {
     }
 
     fn in_order(&self, pairs: &[Pair]) -> Result<(), String> {
-        let is_free = self.settings.order == Order::Unordered || self.step.ask.output == Output::Neighbors;
+        let is_free =
+            self.settings.order == Order::Unordered || self.step.request.output == Output::Neighbors;
         match is_free || pairs.is_sorted() {
             true => Ok(()),
             false => Err("the pairs are not in canonical order".to_owned()),
@@ -100,7 +101,7 @@ impl<'a> Verifier<'a> {
     }
 
     fn is_limited(&self) -> bool {
-        matches!(self.step.ask.output, Output::List | Output::Neighbors)
+        matches!(self.step.request.output, Output::List | Output::Neighbors)
     }
 
     pub(super) fn report(&self, answer: &Answer, report: &Report) -> Result<(), String> {
@@ -125,10 +126,10 @@ impl<'a> Verifier<'a> {
             return Err(format!("a new detector is wrong: {what}"));
         }
         let ends_early =
-            matches!(self.step.ask.output, Output::Stream { ending, .. } if ending != Ending::All);
+            matches!(self.step.request.output, Output::Stream { ending, .. } if ending != Ending::All);
         let may_fall_either_way = self.tolerance != Tolerance::Exact;
         let same = match (answer, fresh) {
-            _ if self.step.ask.is_stopped || ends_early => true,
+            _ if self.step.request.is_stopped || ends_early => true,
             (Refused(Error::TooManyPairs { .. }), Refused(Error::TooManyPairs { .. }))
                 if may_fall_either_way =>
             {
@@ -186,7 +187,7 @@ fn counts(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
         return [expected.len() as u64; 2];
     }
     let n = step.scenario.spheres.len() as u32;
-    let split = step.ask.split.map(|split| (split as u32).min(n));
+    let split = step.request.split.map(|split| (split as u32).min(n));
     let all = (0..n).flat_map(|i| (i + 1..n).map(move |j| Pair { i, j }));
     let requested = all.filter(|&pair| is_requested(pair, split));
     let (mut least, mut most) = (expected.len() as u64, expected.len() as u64);
@@ -201,14 +202,14 @@ fn counts(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
 
 fn refusals(settings: &Settings, step: &Step) -> Vec<String> {
     let n = step.scenario.spheres.len();
-    let split = step.ask.split.map(|split| split.min(n));
+    let split = step.request.split.map(|split| split.min(n));
     let first = split.unwrap_or(n);
     let mut errors = set_refusals(settings, step, 0..first);
     if split.is_some() {
         let second = set_refusals(settings, step, first..n);
         errors.extend(second.into_iter().map(|error| InputError::SecondSet(Box::new(error))));
     }
-    if step.ask.has_foreign_exclusions {
+    if step.request.has_foreign_exclusions {
         let (made_for, given) = match split {
             None => ((n, Some(3)), (n, None)),
             Some(split) => ((split, None), (split, Some(n - split))),

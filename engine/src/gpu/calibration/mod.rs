@@ -60,7 +60,7 @@ pub fn calibrate(gpu: &GpuDevice, mut seen: impl FnMut(&CrossoverSample)) -> Res
     let (one, five) = (one?, five?);
     let naive = one.first().zip(one.last()).and_then(|ends| rate(ends.into(), |times| times[0]));
     let tests_per_second = slowest_rate(gpu, naive)?;
-    let [one, five] = [one, five].map(|samples| crossing(&samples, Crossover::MOST));
+    let [one, five] = [one, five].map(|samples| crossing(&samples, Crossover::MAX));
     let radix_sort_from = sort::radix_sort_from(gpu)?;
     let per_class = five.saturating_sub(one) / (CLASSES[1] - CLASSES[0]) as u32;
     let crossover = Crossover { naive_below: one, per_class };

@@ -11,7 +11,7 @@ use crate::gpu::plan::GpuPhase;
 use crate::gpu::session::GpuSession;
 
 const SIZES: [u32; 5] = [1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21];
-const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
+const MAX_CROSSOVER: u32 = 2 * SIZES[SIZES.len() - 1];
 const ROUNDS: usize = 3;
 const MAX_SAMPLE_TIME: Duration = Duration::from_millis(50);
 
@@ -29,7 +29,7 @@ pub(super) fn radix_sort_from(gpu: &GpuDevice) -> Result<u32, Error> {
     let samples = compare_times(&SIZES, 1, ROUNDS, times, continues)?;
     let assumed = AdapterProfile::assumed(&gpu.adapter).radix_sort_from;
     let counting_wins = samples.last().is_some_and(|(_, [counted, sorted])| counted < sorted);
-    Ok(crossing(&samples, MOST).max(if counting_wins { assumed } else { 0 }))
+    Ok(crossing(&samples, MAX_CROSSOVER).max(if counting_wins { assumed } else { 0 }))
 }
 
 fn session(gpu: &GpuDevice, radix_sort_from: u32) -> Result<GpuSession, Error> {

@@ -13,7 +13,7 @@ pub(crate) use capacity::CapacitySnapshot;
 use capacity::EntryCapacity;
 pub use input::{BufferRange, GpuSpheres, SphereCount};
 pub use output::{CellOrder, GpuOutput, read_outcome};
-use prepared::{Key, Prepared};
+use prepared::{Key, PreparedCall};
 pub use skin_detector::GpuSkinDetector;
 use tables::Tables;
 use timer::Timer;
@@ -37,7 +37,7 @@ pub struct GpuDetector {
     entry_capacity: EntryCapacity,
     pipelines: Pipelines,
     tables: Option<Tables>,
-    prepared: Option<Prepared>,
+    prepared: Option<PreparedCall>,
     timer: Option<Timer>,
 }
 
@@ -145,7 +145,7 @@ impl GpuDetector {
         Ok(self.prepared.insert(prepared).output())
     }
 
-    fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
+    fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<PreparedCall, Error> {
         let plan = self.plan_for(spheres, choice)?;
         // Releasing old buffers first avoids holding both.
         let reusable =
@@ -158,7 +158,7 @@ impl GpuDetector {
             return Ok(prepared);
         }
         let buffers = Buffers::allocate(&self.device, &plan.buffers)?;
-        Ok(Prepared::new(plan, buffers))
+        Ok(PreparedCall::new(plan, buffers))
     }
 
     pub(crate) fn settings(&self) -> &GpuConfig {
@@ -330,7 +330,7 @@ impl GpuDetector {
     }
 
     pub(crate) fn output(&self) -> Option<GpuOutput> {
-        self.prepared.as_ref().map(Prepared::output)
+        self.prepared.as_ref().map(PreparedCall::output)
     }
 
     /// Returns the begin and end ticks per phase (`u64`, ordered as [`GpuPhase::ALL`](super::GpuPhase::ALL)); `None`
@@ -341,7 +341,7 @@ impl GpuDetector {
 
     fn bind_prepared(
         &self,
-        prepared: &mut Prepared,
+        prepared: &mut PreparedCall,
         choice: AlgorithmChoice,
         source: LayoutSource,
         input: &GpuSpheres<'_>,

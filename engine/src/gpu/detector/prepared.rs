@@ -13,7 +13,7 @@ use crate::gpu::encode::{BoundBuffer, Buffers, Recording, SmallCache};
 use crate::gpu::plan::{BufferId, CallConstants, DeviceLimits, Dispatch, Plan, Resource};
 
 #[derive(Debug)]
-pub(super) struct Prepared {
+pub(super) struct PreparedCall {
     pub(super) plan: Plan,
     pub(super) buffers: Buffers,
     pub(super) recordings: SmallCache<Key, Recording>,
@@ -29,7 +29,7 @@ pub(crate) struct Key {
     pub(crate) reuses_layout: bool,
 }
 
-impl Prepared {
+impl PreparedCall {
     pub(super) fn new(plan: Plan, buffers: Buffers) -> Self {
         let bound = SearchParams::default();
         Self { plan, buffers, recordings: SmallCache::NONE, layout: None, bound }

@@ -42,11 +42,11 @@ pub struct GpuSkinDetector {
     pipelines: Pipelines,
     tables: Option<Tables>,
     search: GpuDetector,
-    resident: Option<Resident>,
+    resident: Option<ResidentBuffers>,
 }
 
 #[derive(Debug)]
-struct Resident {
+struct ResidentBuffers {
     /// Spheres, pairs and parts.
     capacities: [u32; 3],
     buffers: Buffers,
@@ -218,12 +218,12 @@ impl GpuSkinDetector {
         let pairs = self.settings.pair_capacity;
         let (parts, _) = skin::candidate_parts(self.search.pair_capacity(), self.search.budget());
         let has_capacity =
-            |had: &Resident| had.capacities[0] >= spheres && had.capacities[1..] == [pairs, parts];
+            |had: &ResidentBuffers| had.capacities[0] >= spheres && had.capacities[1..] == [pairs, parts];
         let mut resident = match self.resident.take().filter(has_capacity) {
             Some(resident) => resident,
             None => self.allocate([spheres, pairs, parts])?,
         };
-        let Resident { buffers, candidates, .. } = &mut resident;
+        let ResidentBuffers { buffers, candidates, .. } = &mut resident;
         // The search has no window and split, so its candidates serve any.
         let mut reference = GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count);
         reference.species = buffers.find(BufferId::ReferenceSpecies).map(Into::into);
@@ -252,13 +252,13 @@ impl GpuSkinDetector {
         skin::buffers(capacities, self.tables.is_some(), self.settings.columns.is_some())
     }
 
-    fn allocate(&self, capacities: [u32; 3]) -> Result<Resident, Error> {
+    fn allocate(&self, capacities: [u32; 3]) -> Result<ResidentBuffers, Error> {
         let buffers = self.buffers(capacities);
         let limits = DeviceLimits::from_device(&self.device);
         check_buffers(&buffers, &limits)?;
         limits.check_indirect()?;
         let buffers = Buffers::allocate(&self.device, &buffers)?;
-        Ok(Resident { capacities, buffers, candidates: None })
+        Ok(ResidentBuffers { capacities, buffers, candidates: None })
     }
 
     fn record(&self, buffers: &Buffers, candidates: &mut Candidates, key: Key) -> Result<(), Error> {

@@ -124,7 +124,7 @@ fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
     let buffer = upload(gpu, spheres);
     let mut call = encoder(gpu);
     detector.encode(&mut call, &GpuSpheres::new(&buffer, spheres.len() as u32)).expect("recorded");
-    let Prepared { plan, buffers, .. } = detector.prepared.as_ref().expect("recorded");
+    let PreparedCall { plan, buffers, .. } = detector.prepared.as_ref().expect("recorded");
     let outcome: Vec<Outcome> = download(gpu, call, buffers.get(BufferId::Outcome), 1);
     let grid: Vec<u8> =
         download(gpu, encoder(gpu), buffers.get(BufferId::Grid), Grid::min_size().get() as usize);

@@ -13,9 +13,9 @@ const COUNTED_HALF_CELLS: u64 = 6;
 /// Cells per sphere, times two, for a radix sort, whose table exceeds caches: 12.4 candidates per sphere.
 const SORTED_HALF_CELLS: u64 = 3;
 /// Minimum number of cells, because every level needs some of them.
-const FEWEST_CELLS: u64 = 1 << 12;
+const MIN_CELLS: u64 = 1 << 12;
 /// Maximum number of cells, which keeps the number of counters below 2³¹.
-const MOST_CELLS: u64 = 1 << 30;
+const MAX_CELLS: u64 = 1 << 30;
 /// Rounding adds at most one cell in this many: the device computes cell counts as products of floats, which round
 /// three times by 2⁻²⁴.
 const ROUNDED: u64 = 1 << 22;
@@ -39,7 +39,7 @@ const CELL_STARTS_BLOCK: u32 = 2048;
 pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     let is_counted = request.spheres < request.radix_sort_from;
     let half_cells = if is_counted { COUNTED_HALF_CELLS } else { SORTED_HALF_CELLS };
-    let wanted = (u64::from(request.spheres) * half_cells / 2).clamp(FEWEST_CELLS, MOST_CELLS);
+    let wanted = (u64::from(request.spheres) * half_cells / 2).clamp(MIN_CELLS, MAX_CELLS);
     let most = limits.bytes() / 4 - 6;
     plan.cells = wanted.min(most - most / ROUNDED) as u32;
     // Two more counters and the largest one follow the cells. `scan_once` reads four at once.

@@ -6,7 +6,7 @@ use lazygrid_kernels::layout::{CellListLayout, SearchParams};
 use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 
 /// More sides must save at least this fraction of comparisons: each side has a table of cells.
-const WORTHWHILE: f64 = 0.25;
+const MIN_SAVING: f64 = 0.25;
 /// A group is a narrow side if its spheres pair among themselves within less than this fraction of the distance to
 /// others. At a larger fraction, its cells would seldom be crowded enough to pay for searches between sides.
 const MAX_NARROW: f64 = 0.25;
@@ -133,7 +133,7 @@ impl PairingGroups {
         let position = |of: u32| active.iter().position(|&group| group == partition.group_of(of));
         let of_species: Vec<Option<usize>> = (0..table.species()).map(position).collect();
         let weight = |group: usize| of_species.iter().filter(|of| **of == Some(group)).count() as f64;
-        let partners = |group: usize| mask(active.iter().map(|&other| partition.meets(group, other)));
+        let partners = |group: usize| mask(active.iter().map(|&other| partition.groups_pair(group, other)));
         let groups = Self {
             weights: (0..active.len()).map(weight).collect(),
             partners: active.iter().map(|&group| partners(group)).collect(),
@@ -193,7 +193,7 @@ impl PairingGroups {
         let [_, one, more @ ..] = best;
         let chosen = more
             .into_iter()
-            .fold(one, |chosen, more| if more.0 <= (1.0 - WORTHWHILE) * chosen.0 { more } else { chosen });
+            .fold(one, |chosen, more| if more.0 <= (1.0 - MIN_SAVING) * chosen.0 { more } else { chosen });
         chosen.1
     }
 

@@ -349,7 +349,7 @@ impl GpuSession {
         }
         if found <= self.largest_capacity().max(self.capacity().into()) {
             self.pairs.clear();
-            self.repeat_for_pairs(number, window.clone(), found)?;
+            self.retry_for_pairs(number, window.clone(), found)?;
             found = self.finish_with_retries(number, window, wait).await?.found();
             // Another kernel may round tangent pairs differently and find more.
             if found == self.pairs.len() as u64 {

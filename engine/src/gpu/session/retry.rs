@@ -39,7 +39,7 @@ impl GpuSession {
             self.last_counts = self.counts[number as usize % MAX_IN_FLIGHT];
             if uses_candidates && outcome.overflow & !Outcome::OVERFLOW_PAIRS != 0 {
                 self.pairs.clear();
-                self.repeat_for_candidates(number, window.clone(), &outcome)?;
+                self.retry_for_candidates(number, window.clone(), &outcome)?;
             } else if outcome.overflow & Outcome::OVERFLOW_LAYOUT != 0 {
                 log::debug!("the cells of an earlier call do not suit the spheres: retrying with new cells");
                 self.pairs.clear();
@@ -47,7 +47,7 @@ impl GpuSession {
                 self.submit(number, Submission::Full(window.clone()))?;
             } else if outcome.overflow & Outcome::OVERFLOW_ENTRIES != 0 {
                 self.pairs.clear();
-                self.repeat_for_entries(number, window.clone(), outcome.entries_needed())?;
+                self.retry_for_entries(number, window.clone(), outcome.entries_needed())?;
             } else if !outcome.has_remaining_work() {
                 return Ok(outcome);
             } else {
@@ -83,7 +83,7 @@ impl GpuSession {
         Ok(true)
     }
 
-    fn repeat_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), Error> {
+    fn retry_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), Error> {
         let (index, before) = (number as usize % MAX_IN_FLIGHT, self.detector.capacities());
         if self.detector.raise_entry_capacity(entries, self.call_buffers[index].count) {
             log::info!("{entries} entries do not fit: retrying with more capacity");
@@ -102,7 +102,7 @@ impl GpuSession {
         self.submit(number, Submission::Full(window))
     }
 
-    pub(super) fn repeat_for_pairs(
+    pub(super) fn retry_for_pairs(
         &mut self,
         number: u64,
         window: Range<u32>,
@@ -177,7 +177,7 @@ impl GpuSession {
                     return Err(Error::LimitExceeded { what, needed, limit, remedy });
                 }
                 self.pairs.clear();
-                self.repeat_for_pairs(number, begin..end, found)?;
+                self.retry_for_pairs(number, begin..end, found)?;
                 found = self.finish_with_retries(number, begin..end, wait).await?.found();
                 capacity = u64::from(self.capacity());
                 self.expected = capacity;

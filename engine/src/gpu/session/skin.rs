@@ -126,7 +126,7 @@ impl GpuSession {
         self.candidate_list_stats = Some(stats);
     }
 
-    pub(super) fn repeat_for_candidates(
+    pub(super) fn retry_for_candidates(
         &mut self,
         number: u64,
         window: Range<u32>,

@@ -312,8 +312,8 @@ impl Fill<'_> {
 /// Returns `true`, without a square root, if a vector is shorter than `cutoff` by more than rounding.
 #[inline]
 fn is_clear([x, y, z]: [f64; 3], cutoff: f64) -> bool {
-    const CLEAR: f64 = 1.0 - 1.0 / (1_u64 << 40) as f64;
-    let (squared, most) = (x * x + y * y + z * z, cutoff * cutoff * CLEAR);
+    const SQUARE_MARGIN: f64 = 1.0 - 1.0 / (1_u64 << 40) as f64;
+    let (squared, most) = (x * x + y * y + z * z, cutoff * cutoff * SQUARE_MARGIN);
     // Squares that underflow prove nothing.
     squared < most && most > 1e-280
 }

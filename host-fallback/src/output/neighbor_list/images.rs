@@ -18,7 +18,7 @@ use crate::memory::{try_extend, try_push, try_resize};
 /// Relative growth of cutoffs, for rounding in proportion to them.
 const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
 /// Minimum images suffice if two cutoffs are below this fraction of the distance between images.
-const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
+const MAX_CUTOFF_FRACTION: f64 = 1.0 - 1.0 / (1 << 20) as f64;
 /// Number of images between two reads of the stop flag.
 const STOP_STEPS: usize = 1 << 16;
 const IMAGES: &str = "images of spheres";
@@ -53,7 +53,7 @@ impl PeriodicImages {
     pub fn are_needed(contact: &ContactTest<'_>) -> bool {
         let Some(lattice) = Lattice::new(contact.space) else { return false };
         let nearest = lattice.heights().into_iter().take(lattice.rank()).fold(f64::INFINITY, f64::min);
-        let is_short = 2.0 * largest_cutoff(contact) * lattice.unit() < SPARE * nearest;
+        let is_short = 2.0 * largest_cutoff(contact) * lattice.unit() < MAX_CUTOFF_FRACTION * nearest;
         !is_short
     }
 
@@ -116,10 +116,10 @@ impl PeriodicImages {
         (self.of[image as usize], [0, 1, 2].map(|k| shift[k] + fold[k]))
     }
 
-    fn fold_all(&mut self, lattice: &Lattice, contact: &ContactTest<'_>) -> Result<Spread, Error> {
+    fn fold_all(&mut self, lattice: &Lattice, contact: &ContactTest<'_>) -> Result<FoldedExtent, Error> {
         let query = contact.query;
         let second = query.second().unwrap_or(query.first());
-        let mut spread = Spread::default();
+        let mut spread = FoldedExtent::default();
         self.folded.clear();
         self.folds.clear();
         for (is_first, set) in [(true, query.first()), (false, second)] {
@@ -188,19 +188,19 @@ impl PeriodicImages {
 }
 
 #[derive(Debug)]
-struct Spread {
+struct FoldedExtent {
     extent: f64,
     counts: [f64; 3],
     fractions: [[f64; 2]; 3],
 }
 
-impl Default for Spread {
+impl Default for FoldedExtent {
     fn default() -> Self {
         Self { extent: 0.0, counts: [0.0; 3], fractions: [[f64::INFINITY, f64::NEG_INFINITY]; 3] }
     }
 }
 
-impl Spread {
+impl FoldedExtent {
     fn add(&mut self, folded: &WrappedPoint, point: [f64; 3], is_first: bool) {
         self.extent = point.into_iter().fold(self.extent, f64::max);
         for axis in 0..3 {

@@ -141,13 +141,13 @@ impl NeighborListBuilder {
         let is_mirrored = images.is_none() && contact.query.second().is_none() && !options.is_half;
         let candidates = self.lists.rows(pairs, rows, is_mirrored)?;
         let entries = candidates.indices().len() + if options.has_self { rows } else { 0 };
-        const WHAT: &str = "a neighbor list";
-        try_resize(&mut self.offsets, rows + 1, WHAT)?;
-        try_resize(&mut self.pairs, entries, WHAT)?;
-        try_resize(&mut self.shifts, if options.shifts { entries } else { 0 }, WHAT)?;
-        try_resize(&mut self.vectors, if options.vectors { entries } else { 0 }, WHAT)?;
-        try_resize(&mut self.distances, if options.distances { entries } else { 0 }, WHAT)?;
-        try_resize(&mut self.numbers, contact.query.len(), WHAT)?;
+        const LIST: &str = "a neighbor list";
+        try_resize(&mut self.offsets, rows + 1, LIST)?;
+        try_resize(&mut self.pairs, entries, LIST)?;
+        try_resize(&mut self.shifts, if options.shifts { entries } else { 0 }, LIST)?;
+        try_resize(&mut self.vectors, if options.vectors { entries } else { 0 }, LIST)?;
+        try_resize(&mut self.distances, if options.distances { entries } else { 0 }, LIST)?;
+        try_resize(&mut self.numbers, contact.query.len(), LIST)?;
         let (first, second) = self.numbers.split_at_mut(rows);
         team.pass(contact.query.len(), |executor| {
             read(contact.query.first(), first, executor);
@@ -180,7 +180,7 @@ impl NeighborListBuilder {
             return Err(InputError::Shift { i, j }.into());
         }
         let filled = chunks.iter().map(|chunk| (chunk.start, chunk.filled));
-        let filled = crate::memory::try_collect(filled, WHAT)?;
+        let filled = crate::memory::try_collect(filled, LIST)?;
         drop(chunks);
         self.close(&filled);
         Ok(NeighborList {

@@ -11,7 +11,7 @@ use crate::detectors::results::{pairs_across, pairs_among};
 use crate::detectors::variant::text;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Ask {
+pub(super) struct Request {
     pub(super) output: Output,
     pub(super) split: Option<usize>,
     pub(super) layout: Layout,
@@ -54,10 +54,10 @@ pub(super) enum Answer {
     Refused(Error),
 }
 
-struct Thrown;
+struct ConsumerPanic;
 
 #[derive(Default)]
-struct Received {
+struct ReceivedPairs {
     pairs: Vec<Pair>,
     chunks: usize,
     longest: usize,
@@ -84,7 +84,7 @@ fn wide_rows(spheres: &[Sphere]) -> Vec<[f64; 4]> {
     spheres.iter().map(row).collect()
 }
 
-impl Ask {
+impl Request {
     pub(super) fn is_plain(&self) -> bool {
         let ends_early = matches!(self.output, Output::Stream { ending, .. } if ending != Ending::All);
         let is_changed = self.is_stopped || self.has_foreign_exclusions || ends_early;
@@ -188,7 +188,7 @@ fn among_all(mut pairs: Vec<Pair>, first: usize) -> Vec<Pair> {
     pairs
 }
 
-impl Received {
+impl ReceivedPairs {
     fn take(&mut self, chunk: &[Pair], ending: Ending, stop: &AtomicBool) -> ControlFlow<()> {
         self.late += usize::from(self.has_ended);
         self.chunks += 1;
@@ -202,7 +202,7 @@ impl Received {
             Ending::Panic(at) if at == self.chunks => {
                 self.has_ended = true;
                 // Resuming prints no panic message.
-                resume_unwind(Box::new(Thrown))
+                resume_unwind(Box::new(ConsumerPanic))
             }
             Ending::Stop(at) if at == self.chunks => {
                 stop.store(true, Relaxed);
@@ -220,10 +220,10 @@ fn streamed(
     stop: &AtomicBool,
     stream: impl FnOnce(&mut (dyn FnMut(&[Pair]) -> ControlFlow<()> + Send)) -> Result<u64, Error>,
 ) -> Result<Answer, String> {
-    let mut received = Received::default();
+    let mut received = ReceivedPairs::default();
     let mut consume = |chunk: &[Pair]| received.take(chunk, ending, stop);
     let outcome = catch_unwind(AssertUnwindSafe(|| stream(&mut consume)));
-    let Received { pairs, longest, has_ended, late, .. } = received;
+    let ReceivedPairs { pairs, longest, has_ended, late, .. } = received;
     if late > 0 {
         return Err(format!("{late} chunks after the consumer had ended the stream"));
     }
@@ -233,7 +233,7 @@ fn streamed(
     let delivered = pairs.len() as u64;
     let pairs = among_all(pairs, first);
     match outcome {
-        Err(payload) if payload.is::<Thrown>() => Ok(Answer::Part(pairs)),
+        Err(payload) if payload.is::<ConsumerPanic>() => Ok(Answer::Part(pairs)),
         Err(payload) => resume_unwind(payload as Box<dyn Any + Send>),
         Ok(Err(Error::Cancelled)) if matches!(ending, Ending::Stop(_)) => Ok(Answer::Part(pairs)),
         Ok(Err(error)) => Ok(Answer::Refused(error)),
@@ -248,7 +248,7 @@ fn streamed(
     }
 }
 
-impl fmt::Display for Ask {
+impl fmt::Display for Request {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.output {
             Output::List => f.write_str("list")?,
