@@ -5,19 +5,19 @@ use lazygrid_kernels::{Interactions, SpeciesRadius};
 
 use crate::Error;
 
-/// Species are left out only if the radius of a present one falls below this fraction, because other interactions need
-/// new buffers on the device.
+/// Absent species are omitted only if the radius of a present one falls below this fraction, because other interactions
+/// need new buffers on the device.
 const MAX_RADIUS_RATIO: f64 = 0.5;
 const MAX_PATIENCE: u32 = 255;
 
 #[derive(Debug, Default)]
 pub(super) struct SearchedSpecies {
-    are_left_out: Vec<bool>,
+    are_omitted: Vec<bool>,
     version: u32,
     /// `true` if absent species enlarge radii of others.
-    is_too_far: bool,
+    has_larger_radii: bool,
     waited: u32,
-    /// Value of `waited` at which absent species are left out; it doubles when one of them returns.
+    /// Value of `waited` at which absent species are omitted; it doubles when one of them returns.
     patience: u32,
 }
 
@@ -29,19 +29,19 @@ impl SearchedSpecies {
         all: &Interactions,
         searched: &Interactions,
     ) -> Result<Option<Interactions>, Error> {
-        if self.version == present.version() && !self.is_too_far {
+        if self.version == present.version() && !self.has_larger_radii {
             return Ok(None);
         }
-        let is_too_far = |species: u32| {
+        let has_larger_radii = |species: u32| {
             is_smaller(present.species_radii()[species as usize], searched.species_radius(species))
         };
         if self.lacks(present) {
             self.patience = (2 * self.patience + 1).min(MAX_PATIENCE);
         } else {
-            self.is_too_far =
-                (0..all.species()).any(|species| present.is_present(species) && is_too_far(species));
-            if !self.is_too_far || self.waited < self.patience {
-                self.waited = if self.is_too_far { self.waited + 1 } else { 0 };
+            self.has_larger_radii =
+                (0..all.species()).any(|species| present.is_present(species) && has_larger_radii(species));
+            if !self.has_larger_radii || self.waited < self.patience {
+                self.waited = if self.has_larger_radii { self.waited + 1 } else { 0 };
                 self.version = present.version();
                 return Ok(None);
             }
@@ -50,18 +50,16 @@ impl SearchedSpecies {
     }
 
     pub(super) fn lacks(&self, present: &SpeciesGroups) -> bool {
-        (0..)
-            .zip(&self.are_left_out)
-            .any(|(species, is_left_out)| *is_left_out && present.is_present(species))
+        (0..).zip(&self.are_omitted).any(|(species, is_omitted)| *is_omitted && present.is_present(species))
     }
 
     pub(super) fn keep(&mut self, present: &SpeciesGroups) {
-        (self.version, self.is_too_far, self.waited) = (present.version(), false, 0);
+        (self.version, self.has_larger_radii, self.waited) = (present.version(), false, 0);
     }
 
     pub(super) fn record(&mut self, present: &SpeciesGroups, species: u32) {
         self.keep(present);
-        self.are_left_out = (0..species).map(|species| !present.is_present(species)).collect();
+        self.are_omitted = (0..species).map(|species| !present.is_present(species)).collect();
     }
 }
 

@@ -32,20 +32,20 @@ impl SharedGroups {
         (0..MAX_GROUPS).filter(|group| groups >> group & 1 == 1).map(|group| self.species[group]).sum()
     }
 
-    /// Returns the disadvantage of a group: first needless comparisons within crowds, then added comparisons of
+    /// Returns the disadvantage of a group: first needless comparisons within species, then added comparisons of
     /// species.
     fn cost(&self, group: usize, partners: u8, pairs_with_itself: bool) -> (u8, usize) {
-        let met_itself = self.groups_pair(group, group);
-        let meets_itself = met_itself || pairs_with_itself || partners >> group & 1 == 1;
-        let crowds = match self.species[group] {
-            _ if !meets_itself => 0,
+        let paired_with_itself = self.groups_pair(group, group);
+        let has_own_pairs = paired_with_itself || pairs_with_itself || partners >> group & 1 == 1;
+        let needless = match self.species[group] {
+            _ if !has_own_pairs => 0,
             0 => 1,
-            _ if met_itself => 1,
+            _ if paired_with_itself => 1,
             _ => 2,
         };
         let added = partners & !self.partners[group];
         let of_species = self.species_of(self.partners[group] | partners);
-        (crowds, of_species + self.species[group] * self.species_of(added))
+        (needless, of_species + self.species[group] * self.species_of(added))
     }
 
     fn add(&mut self, species: usize, group: usize, partners: u8) {

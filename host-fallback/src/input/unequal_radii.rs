@@ -1,7 +1,7 @@
 //! Radii for frames in which radii alone decide the size of cells.
 //!
-//! Two species pair within the sum of their radii, which need not be equal. A crowd with distant partners gets half of
-//! its own largest distance as radius, and the partners get the rest of the distance to it.
+//! Two species pair within the sum of their radii, which need not be equal. A frequent species with distant partners gets
+//! half of its own largest distance as radius, and the partners get the rest of the distance to it.
 
 use lazygrid_kernels::{Interaction, Query, SpeciesRadius};
 

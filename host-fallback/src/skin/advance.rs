@@ -26,14 +26,14 @@ pub(super) fn advance(
     simd: Simd,
     executor: Executor,
 ) -> (f32, bool) {
-    let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
+    let (farthest, has_changed_radius) = (AtomicU32::new(0), AtomicBool::new(false));
     let all_bounds = Mutex::new(Bounds::EMPTY);
     executor.for_each_chunk(rows, CHUNK_SPHERES, |chunk, rows| {
         let then = &then[chunk * CHUNK_SPHERES..][..rows.len()];
         let largest = simd.run(Advance { test, input, then, rows }, None);
         // The bits of non-negative numbers are ordered like the numbers.
         farthest.fetch_max(largest.fraction_squared().to_bits(), Relaxed);
-        changed.fetch_or(largest.differing[3] != 0, Relaxed);
+        has_changed_radius.fetch_or(largest.differing[3] != 0, Relaxed);
         if input.is_some() {
             let mut all = all_bounds.lock().unwrap_or_else(PoisonError::into_inner);
             *all = all.merge(largest.bounds);
@@ -41,7 +41,7 @@ pub(super) fn advance(
     });
     let bounds = all_bounds.into_inner().unwrap_or_else(PoisonError::into_inner);
     let is_in_frame = input.is_none_or(|input| input.frame_holds(&bounds));
-    (f32::from_bits(farthest.into_inner()).sqrt(), changed.into_inner() || !is_in_frame)
+    (f32::from_bits(farthest.into_inner()).sqrt(), has_changed_radius.into_inner() || !is_in_frame)
 }
 
 struct Advance<'a> {

@@ -75,7 +75,7 @@ fn flushed(text: &str) -> String {
         marks.push((range.start, true, range.end, width));
         marks.push((range.end, false, range.start, width));
     }
-    // Closing marks come first; of two that open at one place, the outer one.
+    // Closing marks come first; of two that open at one position, the outer one.
     marks.sort_by_key(|&(at, opens, other, _)| (at, opens, std::cmp::Reverse(other)));
     let (mut result, mut end) = (String::new(), 0);
     for (at, opens, _, width) in marks {

@@ -285,7 +285,7 @@ impl GpuDetector {
     /// Records the bound call with a timestamp before each of its [`kernels`](Self::kernels) and after the last.
     /// Adjacent kernels may overlap, so single times are less exact than their sum.
     ///
-    /// `queries` must have room for one timestamp more than kernels, and the device
+    /// `queries` must have capacity for one timestamp more than kernels, and the device
     /// [`TIMESTAMP_QUERY_INSIDE_PASSES`](wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES).
     pub fn encode_stamped(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
         if let Some(recording) = self.recording() {

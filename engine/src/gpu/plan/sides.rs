@@ -180,7 +180,7 @@ impl PairingGroups {
     }
 
     /// Returns the division with fewest comparisons, with as many sides as save enough. One exists: one group on each
-    /// side separates narrow groups and crowds.
+    /// side separates narrow groups and those that do not pair with themselves.
     fn divide(&self) -> Division {
         let mut best = [(f64::INFINITY, [0; MAX_SIDES]); MAX_SIDES + 1];
         for division in divisions(self.count()).into_iter().filter(|of| self.separates_narrow(of)) {

@@ -2,8 +2,8 @@ use lazygrid_kernels::layout::Outcome;
 
 use crate::gpu::detector::LayoutSource;
 
-/// Calls that reuse cells before a survey chooses others: older cells suit the spheres less, which costs time. A survey
-/// takes about a tenth of a call.
+/// Calls that reuse cells before new statistics choose others: older cells suit the spheres less, which costs time. New
+/// statistics take about a tenth of a call.
 const MAX_REUSES: u32 = 16;
 const MAX_PAUSE: u32 = 63;
 
@@ -35,7 +35,7 @@ impl LayoutReuse {
         } else if self.pause > 0 {
             self.pause -= 1;
         } else {
-            // Overfull cells need a survey.
+            // Overfull cells need new statistics.
             let suits = outcome.max_occupancy == 0 && outcome.quarantined == 0;
             self.left = if suits { MAX_REUSES } else { 0 };
         }

@@ -289,8 +289,8 @@ fn cells_of_another_space_or_algorithm_are_not_reused() {
     assert_eq!(call(&mut session, 0), wide);
 }
 
-/// The end of an abandoned call must not end the next call of its slot. Needs a driver with an asynchronous queue, such as
-/// SwiftShader.
+/// The end of an abandoned call must not end the next call with its buffers. Needs a driver with an asynchronous queue,
+/// such as SwiftShader.
 #[test]
 fn abandoned_call_does_not_answer_a_later_one() {
     let Some(gpu) = device_or_skip() else { return };

@@ -24,10 +24,10 @@ impl CandidateList {
     ) -> Option<RebuildReason> {
         let spheres = current.test.spheres();
         let Some(input_stats) = self.input_stats.take() else { return Some(RebuildReason::NoList) };
-        if spheres.len() != self.order.len()
-            || !current.has_same_species
-            || current.test.frame() != self.frame.as_ref()
-        {
+        let has_other_count = spheres.len() != self.order.len();
+        let has_other_species = !current.has_same_species;
+        let has_other_frame = current.test.frame() != self.frame.as_ref();
+        if has_other_count || has_other_species || has_other_frame {
             return Some(RebuildReason::InputChanged);
         }
         let rows = match current.input {
@@ -39,10 +39,11 @@ impl CandidateList {
             // Later spheres are in no candidate.
             None => &mut self.rows[..list.paired()],
         };
-        let (moved, changed) = advance(current, list.notes(), rows, simd, executor);
-        self.displacement_fraction = moved;
+        let (displacement_fraction, has_other_radius_or_frame) =
+            advance(current, list.notes(), rows, simd, executor);
+        self.displacement_fraction = displacement_fraction;
         self.age += 1;
-        match (changed, self.displacement_fraction <= USABLE_FRACTION) {
+        match (has_other_radius_or_frame, displacement_fraction <= USABLE_FRACTION) {
             (true, _) => Some(RebuildReason::InputChanged),
             (false, false) => Some(RebuildReason::Displacement),
             (false, true) => {
