@@ -60,10 +60,11 @@ impl Naive {
         self.columns.gather(&input.test, self.order.iter().copied())?;
         self.rows.clear();
         for (a, b) in grouping.paired_groups() {
-            let [of, with] = [a, b].map(|group| if group == 0 { 0 } else { ends[group - 1] }..ends[group]);
-            for start in of.clone().step_by(TILE) {
-                let tile = start..of.end.min(start + TILE);
-                let others = if a == b { start } else { with.start }..with.end;
+            let [first, second] =
+                [a, b].map(|group| if group == 0 { 0 } else { ends[group - 1] }..ends[group]);
+            for start in first.clone().step_by(TILE) {
+                let tile = start..first.end.min(start + TILE);
+                let others = if a == b { start } else { second.start }..second.end;
                 try_push(&mut self.rows, TileRow { tile, others }, "tiles of spheres")?;
             }
         }

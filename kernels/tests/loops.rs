@@ -257,7 +257,7 @@ fn every_loop_has_a_bound_that_its_text_shows() {
     assert!(loops > 100, "only {loops} loops were seen");
 }
 
-fn verdict(of: &str) -> (usize, Vec<String>) {
+fn verdict(loops: &str) -> (usize, Vec<String>) {
     judge(&format!(
         "struct Call {{ limit: u32 }}
         @group(0) @binding(0) var<uniform> call: Call;
@@ -265,7 +265,7 @@ fn verdict(of: &str) -> (usize, Vec<String>) {
         @group(0) @binding(2) var<storage, read_write> found: array<u32>;
         var<workgroup> shared_one: u32;
         fn stepped(counter: ptr<function, u32>) {{ *counter += 1u; }}
-        fn f(n: u32) {{ var a = n; {of} }}"
+        fn f(n: u32) {{ var a = n; {loops} }}"
     ))
 }
 

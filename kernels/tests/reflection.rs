@@ -197,9 +197,9 @@ fn rust_structures_have_the_layout_of_the_shaders() {
         for structure in structures(module) {
             let (name, span, members) = &structure;
             if name == "Bounds" {
-                let of = |name: &str| members.iter().find(|(member, _)| member == name).expect(name).1;
-                let shader =
-                    ["low_x", "high_x", "radius_min", "radius_max", "depth_mask", "descending"].map(of);
+                let offset_of = |name: &str| members.iter().find(|(member, _)| member == name).expect(name).1;
+                let shader = ["low_x", "high_x", "radius_min", "radius_max", "depth_mask", "descending"]
+                    .map(offset_of);
                 let rust = [
                     offset_of!(Bounds, low),
                     offset_of!(Bounds, high),

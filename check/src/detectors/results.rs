@@ -30,8 +30,8 @@ pub fn pairs_across(lists: &Neighbors<'_>) -> Result<Vec<Pair>, String> {
     if let Some(i) = (0..lists.len()).find(|&i| !lists.neighbors_of(i).is_sorted()) {
         return Err(format!("the neighbors of {i} do not ascend"));
     }
-    let of = |i: usize| lists.neighbors_of(i).iter().map(move |&j| Pair { i: i as u32, j });
-    Ok((0..lists.len()).flat_map(of).collect())
+    let pairs_of = |i: usize| lists.neighbors_of(i).iter().map(move |&j| Pair { i: i as u32, j });
+    Ok((0..lists.len()).flat_map(pairs_of).collect())
 }
 
 #[cfg(test)]

@@ -139,8 +139,8 @@ pub(crate) fn bounds_reduce(gpu: &GpuDevice) -> Result<(), KernelError> {
             same(|| "bounds without spheres".to_owned(), &found, &empty)?;
             continue;
         }
-        let extent = |of: &dyn Fn(&Sphere) -> f32| {
-            let values = valid.iter().map(of);
+        let extent = |value: &dyn Fn(&Sphere) -> f32| {
+            let values = valid.iter().map(value);
             values.fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
         };
         for axis in 0..3 {

@@ -188,10 +188,11 @@ pub(crate) fn cells_find(gpu: &GpuDevice) -> Result<(), KernelError> {
             let case = |what: &str| format!("{what}, {size} spheres, split_policy {split_policy}");
             same(|| case("cells"), &call.read::<[u32; 2]>("cells", size)?, &words)?;
             let bounds = call.read_one::<Bounds>("bounds")?;
-            let of = |depth: u32| {
+            let count_at = |depth: u32| {
                 expected.iter().filter(|sphere_cells| sphere_cells.depth == depth).count() as u32
             };
-            let counted = std::array::from_fn(|depth| if split_policy == 1 { of(depth as u32) } else { 0 });
+            let counted =
+                std::array::from_fn(|depth| if split_policy == 1 { count_at(depth as u32) } else { 0 });
             same(|| case("depths, counted"), &bounds.descending, &counted)?;
             let depths = if split_policy == 0 { 0 } else { depths_of(&expected) };
             same(|| case("depths"), &bounds.depth_mask, &depths)?;

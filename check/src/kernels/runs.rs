@@ -66,10 +66,10 @@ pub(crate) fn runs_search_near(gpu: &GpuDevice) -> Result<(), KernelError> {
     {
         let run_length = actives + passives;
         let count = 5 * run_length;
-        let of = |entry: u32| {
+        let key_of = |entry: u32| {
             ((entry / run_length) << passive) | (u32::from(entry % run_length >= actives) * passive)
         };
-        let keys: Vec<u32> = (0..count).map(of).collect();
+        let keys: Vec<u32> = (0..count).map(key_of).collect();
         let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
         let runs = Runs::new(gpu, &spheres, &keys, passive)?;
         runs.search()?;

@@ -101,8 +101,8 @@ mod tests {
 
     use super::*;
 
-    fn pairs(of: &[(u32, u32)]) -> Vec<Pair> {
-        of.iter().map(|&(i, j)| Pair { i, j }).collect()
+    fn pairs(indices: &[(u32, u32)]) -> Vec<Pair> {
+        indices.iter().map(|&(i, j)| Pair { i, j }).collect()
     }
 
     fn verdict(coordinates: &[f32], found: &[(u32, u32)], tolerance: Tolerance) -> Result<(), String> {

@@ -79,7 +79,7 @@ mod tests {
             excluded: ExclusionCase::new(5, [(4, 1), (2, 2), (1, 4), (0, 3)]).ok(),
             ..vec![Sphere::new([0.0; 3], 1.0); 5].into()
         };
-        let pairs = |of: &[(u32, u32)]| of.iter().map(|&(i, j)| Pair { i, j }).collect::<Vec<_>>();
+        let pairs = |indices: &[(u32, u32)]| indices.iter().map(|&(i, j)| Pair { i, j }).collect::<Vec<_>>();
         let all = [(0, 2), (0, 4), (1, 2), (1, 3), (2, 3), (2, 4), (3, 4)];
         assert_eq!(scenario.oracle(), pairs(&all));
         let retained = scenario.only(|k| k != 0 && k != 2);

@@ -98,7 +98,7 @@ fn fractions(vectors: &[DVec3]) -> Vec<DVec3> {
         [a] => vec![a / a.length_squared()],
         [a, b] => {
             let across = |a: DVec3, b: DVec3| a - b * (a.dot(b) / b.length_squared());
-            let row = |of: DVec3, other: DVec3| across(of, other) / across(of, other).dot(of);
+            let row = |vector: DVec3, other: DVec3| across(vector, other) / across(vector, other).dot(vector);
             vec![row(a, b), row(b, a)]
         }
         [a, b, c] => {
@@ -115,26 +115,26 @@ mod tests {
 
     #[test]
     fn image_distances_match_known_values() {
-        let of = |vectors: [Option<DVec3>; 3]| {
+        let oracle = |vectors: [Option<DVec3>; 3]| {
             let vectors = vectors.map(|vector| vector.map(|vector| vector.to_array()));
             ImageOracle::new(&Space::triclinic(vectors).expect("linearly independent vectors"))
         };
         let at = |images: &ImageOracle, x, y, z| images.distance_squared(DVec3::new(x, y, z), 1.5);
-        let triclinic = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);
+        let triclinic = oracle([Some(DVec3::X * 4.0), Some(DVec3::new(1.5, 3.0, 0.0)), None]);
         assert_eq!(at(&triclinic, 1.5, 3.0, 0.0), 0.0);
         assert_eq!(at(&triclinic, 1.5, 2.0, 0.5), 1.25);
         assert_eq!(at(&triclinic, 4000.0 - 15.0, -30.0 + 1.0, 0.0), 1.0);
         assert!(at(&triclinic, 0.0, 0.0, 3.0) > 2.25);
-        let far = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5 + 40.0, 3.0, 0.0)), None]);
+        let far = oracle([Some(DVec3::X * 4.0), Some(DVec3::new(1.5 + 40.0, 3.0, 0.0)), None]);
         for k in 0..50 {
             let [x, y] = [0.61 * f64::from(k), 0.37 * f64::from(k)];
             let [one, other] = [&triclinic, &far].map(|images| at(images, x, y, 0.0));
             assert!((one - other).abs() < 1e-9 || one.min(other) > 2.25, "{one} {other}");
         }
-        let flat = of([Some(DVec3::X * 0.5), Some(DVec3::new(1.375, 1.0, 0.0)), None]);
+        let flat = oracle([Some(DVec3::X * 0.5), Some(DVec3::new(1.375, 1.0, 0.0)), None]);
         let apart = DVec3::new(-0.25, 2.75, 0.25);
         assert_eq!(flat.distance_squared(apart, f64::INFINITY), 0.140625);
-        let line = of([None, Some(DVec3::new(3.0, 4.0, 0.0)), None]);
+        let line = oracle([None, Some(DVec3::new(3.0, 4.0, 0.0)), None]);
         assert_eq!(at(&line, 6.0, 8.0, 1.0), 1.0);
     }
 }

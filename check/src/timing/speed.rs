@@ -115,7 +115,7 @@ fn timed(
         stages.push(first);
     }
     let names: Vec<&'static str> = stages[0].iter().map(|phase| phase.name).collect();
-    let of = |name: &'static str| {
+    let stage = |name: &'static str| {
         let all = stages.iter().flatten().filter(|phase| phase.name == name);
         (name, median(&all.map(|phase| phase.time.as_secs_f64()).collect::<Vec<_>>()))
     };
@@ -124,7 +124,7 @@ fn timed(
         pairs,
         seconds,
         busy: seconds,
-        stages: names.into_iter().map(of).collect(),
+        stages: names.into_iter().map(stage).collect(),
         rounds: times.len(),
         cost: None,
     })

@@ -41,6 +41,6 @@ pub(crate) fn subjects() -> impl Iterator<Item = (Algorithm, u32, GpuConfig)> {
     })
 }
 
-pub(crate) fn lengths(axes: usize, of: [f32; 3]) -> [Option<f32>; 3] {
-    [0, 1, 2].map(|axis| (axes >> axis & 1 == 1).then_some(of[axis]))
+pub(crate) fn lengths(axes: usize, box_lengths: [f32; 3]) -> [Option<f32>; 3] {
+    [0, 1, 2].map(|axis| (axes >> axis & 1 == 1).then_some(box_lengths[axis]))
 }

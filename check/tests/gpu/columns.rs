@@ -36,7 +36,9 @@ fn columns_give_the_pairs_of_rows() {
     let Some(gpu) = device() else { return };
     let spheres = cloud(31, 3000, 12.0, |random| [0.4, 0.1][usize::from(random.unit() < 0.5)]);
     let space = Space::periodic([Some(11.0), None, Some(13.0)]).expect("a space");
-    for (&algorithm, space) in Algorithm::GPU.iter().flat_map(|of| [(of, Space::UNBOUNDED), (of, space)]) {
+    for (&algorithm, space) in
+        Algorithm::GPU.iter().flat_map(|algorithm| [(algorithm, Space::UNBOUNDED), (algorithm, space)])
+    {
         let settings = settings(algorithm, true).space(space);
         let mut rows = GpuDetector::new(&gpu.device, settings.clone()).expect("made");
         let wanted = detect_with(&gpu, &mut rows, &GpuSpheres::new(&upload(&gpu, &spheres), 3000)).pairs;

@@ -46,15 +46,20 @@ fn boxes_of_few_cells() {
 #[test]
 fn keys_shared_by_cells_of_a_ring_lose_no_pair() {
     let Some(gpu) = device() else { return };
-    for (k, of) in [[65.5, 66.2, 129.3], [33.1, 257.8, 130.9], [513.4, 90.3, 70.7]].into_iter().enumerate() {
+    for (k, box_lengths) in
+        [[65.5, 66.2, 129.3], [33.1, 257.8, 130.9], [513.4, 90.3, 70.7]].into_iter().enumerate()
+    {
         for axes in [3, 7] {
             let mut spheres = at_seams(k as u64, 400, 4.0, |_| 0.25);
             for sphere in &mut spheres {
                 let [x, y, z] = sphere.center.to_array();
-                let [a, b, c] = of.map(|length| 0.5 * length - 2.0);
+                let [a, b, c] = box_lengths.map(|length| 0.5 * length - 2.0);
                 sphere.center = [x + a, y + b, z + c].into();
             }
-            check(&gpu, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
+            check(
+                &gpu,
+                &Scene::new(format!("{box_lengths:?} on {axes}"), lengths(axes, box_lengths), spheres),
+            );
         }
     }
 }
@@ -63,15 +68,18 @@ fn keys_shared_by_cells_of_a_ring_lose_no_pair() {
 fn nested_grids_are_periodic_at_all_depths() {
     let Some(gpu) = device() else { return };
     let boxes = [[8.0, 8.0, 8.0], [1.0, 3.0, 9.0], [0.1, 20.0, 2.5], [0.02, 0.02, 30.0], [4.7, 5.9, 8.3]];
-    for (k, of) in boxes.into_iter().enumerate() {
+    for (k, box_lengths) in boxes.into_iter().enumerate() {
         for axes in [2 + k, 7] {
             let mut spheres = cloud(100 + k as u64, 200, 8.0, octaves);
             let mut random = Random(k as u64);
             spheres.extend((0..150).map(|_| {
-                let center = [0, 1, 2].map(|axis| of[axis] * 0.5 + 0.05 * (random.unit() - 0.5));
+                let center = [0, 1, 2].map(|axis| box_lengths[axis] * 0.5 + 0.05 * (random.unit() - 0.5));
                 Sphere::new(center, 0.01 * octaves(&mut random))
             }));
-            check(&gpu, &Scene::new(format!("{of:?} on {axes}"), lengths(axes, of), spheres));
+            check(
+                &gpu,
+                &Scene::new(format!("{box_lengths:?} on {axes}"), lengths(axes, box_lengths), spheres),
+            );
         }
     }
 }
@@ -79,22 +87,22 @@ fn nested_grids_are_periodic_at_all_depths() {
 #[test]
 fn spheres_on_the_periodic_boundary() {
     let Some(gpu) = device() else { return };
-    for (seed, of) in [1.0_f32, 0.1, 10.0, 3.3].into_iter().enumerate() {
+    for (seed, length) in [1.0_f32, 0.1, 10.0, 3.3].into_iter().enumerate() {
         let mut random = Random(seed as u64);
         let mut coordinate = || {
-            let turns = [0.0, 0.5, -0.5, 1.0, -1.0, 2.5, 1e6, -1e6 - 0.5][random.word() as usize % 8];
-            let x = of * turns;
+            let periods = [0.0, 0.5, -0.5, 1.0, -1.0, 2.5, 1e6, -1e6 - 0.5][random.word() as usize % 8];
+            let x = length * periods;
             [x, x, x.next_up(), x.next_down()][random.word() as usize % 4]
         };
         let spheres = (0..250)
             .map(|k| {
                 Sphere::new(
                     [coordinate(), coordinate(), coordinate()],
-                    of * [0.0, 1e-7, 2e-7, 0.01, 0.2][k % 5],
+                    length * [0.0, 1e-7, 2e-7, 0.01, 0.2][k % 5],
                 )
             })
             .collect();
-        check(&gpu, &Scene::new(format!("corners of {of}"), lengths(7 - seed % 2, [of; 3]), spheres));
+        check(&gpu, &Scene::new(format!("corners of {length}"), lengths(7 - seed % 2, [length; 3]), spheres));
     }
 }
 
@@ -141,8 +149,8 @@ fn lengths_of_every_magnitude() {
         let spheres = cloud(40, 200, 1.0, |random| 0.1 * random.unit()).into_iter();
         let spheres =
             spheres.map(|s| Sphere::new(s.center * 10.0 * scale, s.radius * 10.0 * scale)).collect();
-        let of = [10.0 * scale, 9.0 * scale, 1.0 * scale];
-        check(&gpu, &Scene::new(format!("lengths of {scale:e}"), lengths(7, of), spheres));
+        let box_lengths = [10.0 * scale, 9.0 * scale, 1.0 * scale];
+        check(&gpu, &Scene::new(format!("lengths of {scale:e}"), lengths(7, box_lengths), spheres));
     }
     let apart = cloud(41, 200, 1.0, |random| 0.2 * random.unit());
     check(&gpu, &Scene::new("a tiny box", lengths(1, [1e-40; 3]), apart.clone()));

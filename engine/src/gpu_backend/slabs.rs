@@ -61,8 +61,8 @@ impl<'a> SlabInput<'a> {
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&Interactions>, space: Space) -> Self {
         let of_table = |table: &Interactions| {
             let [partition, _] = SpeciesPartition::from_table(table);
-            let is_idle = |of: u32| partition.is_idle(partition.group_of(of));
-            (0..table.species()).map(|of| (table.effective_radius(of), is_idle(of))).unzip()
+            let is_idle = |id: u32| partition.is_idle(partition.group_of(id));
+            (0..table.species()).map(|id| (table.effective_radius(id), is_idle(id))).unzip()
         };
         let (effective_radii, are_idle) = interactions.map_or_else(Default::default, of_table);
         Self { spheres, split: 0, effective_radii, are_idle, space }

@@ -97,8 +97,8 @@ impl GroupMembers {
 
     pub(super) fn level_class(&self, plan: &LevelPlan, level: usize) -> SizeClass {
         let mut all = SizeClass::default();
-        for (class, of) in self.classes.iter().zip(&plan.of_class) {
-            if usize::from(*of) == level {
+        for (class, class_level) in self.classes.iter().zip(&plan.of_class) {
+            if usize::from(*class_level) == level {
                 all.merge(class);
             }
         }

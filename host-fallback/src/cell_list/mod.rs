@@ -230,12 +230,13 @@ impl CellList {
         try_push(&mut self.groups, groups, "groups of spheres")?;
         let members = self.members.get(group);
         let pairs_within = grouping.pairs_within(group);
-        for of in 0..plan.levels.len() {
-            let grid = Self::grid(input, plan, of, members, max_cells);
+        for number in 0..plan.levels.len() {
+            let grid = Self::grid(input, plan, number, members, max_cells);
             let last = self.levels.last();
             let base = last.map_or(0, |last| last.base + last.grid.cells() as usize);
             let from = last.map_or(0, |last| last.members.end);
-            let count = members.map_or(plan.levels[of].spheres, |own| own.level_class(plan, of).count);
+            let count =
+                members.map_or(plan.levels[number].spheres, |own| own.level_class(plan, number).count);
             let effective = match members {
                 Some(own) if grouping.is_narrow() => own.effective,
                 _ => grid.largest(),
@@ -250,15 +251,15 @@ impl CellList {
     fn grid(
         input: &SearchInput<'_>,
         plan: &LevelPlan,
-        of: usize,
+        number: usize,
         members: Option<&GroupMembers>,
         max_cells: u64,
     ) -> CellGrid {
-        let level = &plan.levels[of];
+        let level = &plan.levels[number];
         let (spheres, largest, bounds) = match members {
             None => (level.spheres, level.largest, input.stats.bounds()),
             Some(members) => {
-                let SizeClass { count, largest } = members.level_class(plan, of);
+                let SizeClass { count, largest } = members.level_class(plan, number);
                 (count, largest, members.bounds())
             }
         };

@@ -306,12 +306,12 @@ mod tests {
 
     #[test]
     fn ranges_hold_at_most_the_limit_or_one_index() {
-        let of = |counts: &[u32], most| ranges(counts, most).collect::<Vec<_>>();
-        assert_eq!(of(&[], 3), []);
-        assert_eq!(of(&[1, 1, 1, 1], 2), [0..2, 2..4]);
-        assert_eq!(of(&[5, 0, 0, 3, 9, 1], 3), [0..1, 1..4, 4..5, 5..6]);
-        assert_eq!(of(&[0, 0, 1], 0), [0..2, 2..3]);
-        assert_eq!(of(&[1; 400], 3).len(), 16);
-        assert_eq!(of(&[100; 400], 3).len(), 400);
+        let collected = |counts: &[u32], most| ranges(counts, most).collect::<Vec<_>>();
+        assert_eq!(collected(&[], 3), []);
+        assert_eq!(collected(&[1, 1, 1, 1], 2), [0..2, 2..4]);
+        assert_eq!(collected(&[5, 0, 0, 3, 9, 1], 3), [0..1, 1..4, 4..5, 5..6]);
+        assert_eq!(collected(&[0, 0, 1], 0), [0..2, 2..3]);
+        assert_eq!(collected(&[1; 400], 3).len(), 16);
+        assert_eq!(collected(&[100; 400], 3).len(), 400);
     }
 }

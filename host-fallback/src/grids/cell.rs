@@ -138,14 +138,14 @@ impl<S: Sink> Cells<'_, S> {
     fn compare<V: SimdWidth>(
         &mut self,
         vector: V,
-        [of, with]: [&Starts; 2],
+        [first, second]: [&Starts; 2],
         partners: &[&[MaskRange]; MASKS],
     ) {
         let input = ScanInput { columns: self.columns, test: self.test };
         for (corner_mask, partners) in partners.iter().enumerate() {
-            for at in range(of, (corner_mask, corner_mask + 1)) {
+            for at in range(first, (corner_mask, corner_mask + 1)) {
                 for &masks in *partners {
-                    let run = range(with, masks);
+                    let run = range(second, masks);
                     let run = run.start.max(at + 1)..run.end;
                     if !run.is_empty() {
                         scan(vector, input, at, run, self.sink);
@@ -161,11 +161,11 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
 
     #[inline(always)]
     fn run<V: SimdWidth>(mut self, vector: V) {
-        for of in self.cells {
-            self.compare(vector, [of, of], &LATER_PARTNERS);
+        for cell in self.cells {
+            self.compare(vector, [cell, cell], &LATER_PARTNERS);
         }
-        for [of, with] in self.group_pairs {
-            self.compare(vector, [of, with], &ALL_PARTNERS);
+        for [first, second] in self.group_pairs {
+            self.compare(vector, [first, second], &ALL_PARTNERS);
         }
     }
 }

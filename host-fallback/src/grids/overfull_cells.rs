@@ -40,8 +40,8 @@ struct OverfullCell {
 
 #[derive(Clone, Debug)]
 struct TileRow {
-    of: Range<usize>,
-    with: Range<usize>,
+    first: Range<usize>,
+    second: Range<usize>,
 }
 
 impl OverfullCells {
@@ -133,14 +133,19 @@ impl OverfullCell {
         Ok(groups)
     }
 
-    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[MaskRange]; MASKS]) -> Result<(), Error> {
+    fn plan(
+        &mut self,
+        first: &Starts,
+        second: &Starts,
+        partners: &[&[MaskRange]; MASKS],
+    ) -> Result<(), Error> {
         for (corner_mask, partners) in partners.iter().enumerate() {
             for &partners in *partners {
-                let (of, with) = (range(of, (corner_mask, corner_mask + 1)), range(with, partners));
-                for tile in tiles(of, TILE) {
-                    let with = with.start.max(tile.start)..with.end;
-                    for with in tiles(with, ROW) {
-                        let row = TileRow { of: tile.clone(), with };
+                let (first, second) = (range(first, (corner_mask, corner_mask + 1)), range(second, partners));
+                for tile in tiles(first, TILE) {
+                    let second = second.start.max(tile.start)..second.end;
+                    for second in tiles(second, ROW) {
+                        let row = TileRow { first: tile.clone(), second };
                         try_push(&mut self.rows, row, "tiles of an overfull cell")?;
                     }
                 }
@@ -157,7 +162,7 @@ impl OverfullCell {
         compare: impl Fn(O::Sink<'o>, &TileRow) -> Result<O::Sink<'o>, Error> + Send + Sync,
     ) -> Result<O::Sink<'o>, Error> {
         let compare = |sink, row: usize| compare(sink, &self.rows[row]);
-        let comparisons: usize = self.rows.iter().map(|row| row.of.len() * row.with.len()).sum();
+        let comparisons: usize = self.rows.iter().map(|row| row.first.len() * row.second.len()).sum();
         if comparisons < MIN_PARALLEL_COMPARISONS {
             return (0..self.rows.len()).try_fold(sink, compare);
         }
@@ -172,13 +177,13 @@ impl TileRow {
         test: &PairTest<'_>,
         id: impl Fn(usize) -> u32,
     ) -> Result<Self, Error> {
-        let Self { of, with } = self;
-        let rest = with.start.max(of.end)..with.end.max(of.end);
-        let (own, fetched) = (of.len(), of.len() + rest.len());
-        let position = |k: usize| if k < own { of.start + k } else { rest.start + k - own };
+        let Self { first, second } = self;
+        let rest = second.start.max(first.end)..second.end.max(first.end);
+        let (own, fetched) = (first.len(), first.len() + rest.len());
+        let position = |k: usize| if k < own { first.start + k } else { rest.start + k - own };
         columns.gather(test, (0..fetched).map(|k| id(position(k))))?;
-        let local = |at: usize| if at < of.end { at - of.start } else { at - rest.start + own };
-        Ok(Self { of: 0..own, with: local(with.start)..local(with.end) })
+        let local = |at: usize| if at < first.end { at - first.start } else { at - rest.start + own };
+        Ok(Self { first: 0..own, second: local(second.start)..local(second.end) })
     }
 }
 
@@ -200,8 +205,8 @@ impl<S: Sink> SimdTask for TileTask<'_, S> {
     #[inline(always)]
     fn run<V: SimdWidth>(self, vector: V) {
         let Self { columns, test, row, sink } = self;
-        for tile in tiles(row.with.clone(), TILE) {
-            for at in row.of.clone() {
+        for tile in tiles(row.second.clone(), TILE) {
+            for at in row.first.clone() {
                 let run = tile.start.max(at + 1)..tile.end;
                 if !run.is_empty() {
                     scan(vector, ScanInput { columns, test }, at, run, sink);

@@ -30,7 +30,7 @@ impl<'a> Grouping<'a> {
 
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species.is_some_and(|(partition, _)| {
-            partition.group_interactions.iter().flatten().all(|of| of.is_by_radii)
+            partition.group_interactions.iter().flatten().all(|pairs| pairs.is_by_radii)
         })
     }
 

@@ -75,7 +75,8 @@ pub(super) fn share_groups(present: &[u32], table: &Interactions) -> Groups {
         let groups_of_partners = partners(species).filter_map(|other| of_species[other]);
         let of_partners = groups_of_partners.fold(0_u8, |mask, group| mask | 1_u8 << group);
         let pairs_with_itself = pairs(species, species);
-        let is_alike = |other: usize| (0..present.len()).all(|of| pairs(other, of) == pairs(species, of));
+        let is_alike =
+            |other: usize| (0..present.len()).all(|partner| pairs(other, partner) == pairs(species, partner));
         // At equal cost, a species joins its like, or else an empty group.
         let difference = |group: usize| match groups.species[group] {
             0 => 1,

@@ -213,11 +213,11 @@ mod tests {
         let nine = groups(&all[..MAX_GROUPS + 1], &table);
         let group_interaction =
             |a: usize, b: usize| by_partners(&nine).group_interactions[a * MAX_GROUPS + b];
-        assert_eq!(group_interaction(0, 0).map(|of| of.is_by_radii), Some(false), "of two species");
-        assert_eq!(group_interaction(1, 1).map(|of| of.is_by_radii), Some(true));
+        assert_eq!(group_interaction(0, 0).map(|pairs| pairs.is_by_radii), Some(false), "of two species");
+        assert_eq!(group_interaction(1, 1).map(|pairs| pairs.is_by_radii), Some(true));
         assert_eq!(group_interaction(0, 1), None);
         let groups = groups_by_partners(&all, &table);
-        let members = |group: u8| groups.iter().filter(|of| **of == group).count();
+        let members = |group: u8| groups.iter().filter(|other| **other == group).count();
         assert!((0..MAX_GROUPS as u8).all(|group| (12..=13).contains(&members(group))), "{groups:?}");
     }
 

@@ -45,7 +45,8 @@ pub(super) struct UnequalRadii {
 
 impl UnequalRadii {
     pub(super) fn new(partition: &SpeciesPartition) -> Self {
-        let is_narrow = |&group: &usize| partition.narrowness(group).is_some_and(|of| of < MAX_NARROW);
+        let is_narrow =
+            |&group: &usize| partition.narrowness(group).is_some_and(|fraction| fraction < MAX_NARROW);
         let narrow = (0..partition.count).filter(is_narrow).fold(Groups::NONE, Groups::with);
         Self { narrow, ..Self::default() }
     }

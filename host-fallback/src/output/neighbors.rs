@@ -149,8 +149,8 @@ impl NeighborsBuilder {
         next.copy_from_slice(&offsets[..spheres]);
         for backward in [true, false] {
             for pair in pairs {
-                let (of, other) = if backward { (pair.j, pair.i) } else { (pair.i, pair.j) };
-                let slot = &mut next[of as usize];
+                let (row, other) = if backward { (pair.j, pair.i) } else { (pair.i, pair.j) };
+                let slot = &mut next[row as usize];
                 indices[*slot as usize] = other;
                 *slot += 1;
             }

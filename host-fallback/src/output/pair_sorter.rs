@@ -200,10 +200,10 @@ fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize
     }
     let passes = layout.bits().div_ceil(DIGIT).max(1);
     let digit = layout.bits().div_ceil(passes);
-    let of = |key: K, pass: u32| (key.bits() >> (pass * digit)) as usize & ((1 << digit) - 1);
+    let digit_of = |key: K, pass: u32| (key.bits() >> (pass * digit)) as usize & ((1 << digit) - 1);
     let (mut positions, mut counts) = ([0_u32; 1 << DIGIT], [0_u32; 1 << DIGIT]);
     for &key in source.iter() {
-        counts[of(key, 0)] += 1;
+        counts[digit_of(key, 0)] += 1;
     }
 
     // The memory for pairs holds keys until the last pass.
@@ -212,10 +212,10 @@ fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize
     for pass in 0..passes - 1 {
         starts(&mut counts[..1 << digit], &mut positions);
         for &key in from.iter() {
-            let position = &mut positions[of(key, pass)];
+            let position = &mut positions[digit_of(key, pass)];
             to[*position as usize] = key;
             *position += 1;
-            counts[of(key, pass + 1)] += 1;
+            counts[digit_of(key, pass + 1)] += 1;
         }
         (from, to) = (to, from);
     }
@@ -224,7 +224,7 @@ fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize
     }
     starts(&mut counts[..1 << digit], &mut positions);
     for &key in source.iter() {
-        let position = &mut positions[of(key, passes - 1)];
+        let position = &mut positions[digit_of(key, passes - 1)];
         target[*position as usize] = layout.pair(bucket, key);
         *position += 1;
     }

@@ -158,8 +158,9 @@ fn candidates(stats: &InputStats, density: &DensityProfile, limits: &PerClass) -
     }
     let groups = || groups.iter().filter(|(fraction, _)| *fraction > 0.0);
     let met = |&(fraction, radius): &(f32, f32)| {
-        let around =
-            |&(of, other): &(f32, f32)| of * (density.mean((radius + other).log2() + CUBE) - 1.0).max(0.0);
+        let around = |&(other_fraction, other): &(f32, f32)| {
+            other_fraction * (density.mean((radius + other).log2() + CUBE) - 1.0).max(0.0)
+        };
         fraction * groups().map(around).sum::<f32>()
     };
     groups().map(met).sum::<f32>() / 2.0

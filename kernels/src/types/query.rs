@@ -21,8 +21,8 @@ pub struct Query<'a> {
 
 impl<'a> Query<'a> {
     /// Creates a query from a set of spheres or a tuple of two.
-    pub fn new(of: impl Into<Query<'a>>) -> Self {
-        of.into()
+    pub fn new(spheres: impl Into<Query<'a>>) -> Self {
+        spheres.into()
     }
 
     /// Excludes these pairs, which must be created for these numbers of spheres.

@@ -69,7 +69,7 @@ struct Columns([Vec<f32>; 4]);
 
 impl Columns {
     fn from_spheres(spheres: &[Sphere]) -> Self {
-        let column = |of: fn(&Sphere) -> f32| spheres.iter().map(of).collect();
+        let column = |value: fn(&Sphere) -> f32| spheres.iter().map(value).collect();
         Self([column(|s| s.center.x), column(|s| s.center.y), column(|s| s.center.z), column(|s| s.radius)])
     }
 

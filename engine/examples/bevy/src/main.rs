@@ -112,7 +112,7 @@ impl Scene {
 
     fn draw(&mut self, device: &wgpu::Device, encoder: &mut wgpu::CommandEncoder, target: &ViewTarget) {
         let format = target.main_texture_format();
-        let made = self.drawer.take().filter(|(of, _)| *of == format);
+        let made = self.drawer.take().filter(|(for_format, _)| *for_format == format);
         let (_, pipeline) =
             &*self.drawer.insert(made.unwrap_or_else(|| (format, drawer(device, &self.shader, format))));
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {

@@ -72,8 +72,8 @@ fn measure_with(gpu: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
 fn costs_from(calls: &Calls) -> SkinCosts {
     let Calls { spheres, few, searched, served, found } = calls;
     let each = |call: &TimedCall, few: &TimedCall| (call.nanoseconds - few.nanoseconds) / spheres;
-    let slope = |[a, b]: &[TimedCall; 2], of: fn(&TimedCall) -> f64| {
-        ((b.nanoseconds - a.nanoseconds) / spheres / (of(b) - of(a)).max(1e-3)).max(0.0)
+    let slope = |[a, b]: &[TimedCall; 2], amount: fn(&TimedCall) -> f64| {
+        ((b.nanoseconds - a.nanoseconds) / spheres / (amount(b) - amount(a)).max(1e-3)).max(0.0)
     };
     let find = slope(searched, |call| call.pairs);
     let search = (each(&searched[0], &few[0]) - find * searched[0].pairs).max(1e-3);

@@ -128,11 +128,11 @@ impl Recording {
     }
 
     pub(crate) fn workgroup_counts(&self) -> Vec<u32> {
-        let of = |dispatch: &BoundDispatch| match dispatch.groups {
+        let counts_of = |dispatch: &BoundDispatch| match dispatch.groups {
             WorkgroupCount::Fixed([x, y]) => [x, y, 1],
             WorkgroupCount::Indirect(..) => [0; 3],
         };
-        self.dispatches.iter().flat_map(of).collect()
+        self.dispatches.iter().flat_map(counts_of).collect()
     }
 
     pub(crate) fn indirect_args(&self) -> Option<&wgpu::Buffer> {

@@ -206,11 +206,11 @@ impl DispatchSequence {
     }
 
     fn workgroups_per_dimension(&self) -> u32 {
-        let of = |dispatch: &PlanDispatch| match dispatch.workgroups {
+        let max_workgroups = |dispatch: &PlanDispatch| match dispatch.workgroups {
             Workgroups::Fixed([x, y]) => x.max(y),
             Workgroups::Indirect { .. } => DeviceLimits::INDIRECT_GROUPS,
         };
-        self.dispatches.iter().map(of).max().unwrap_or(0)
+        self.dispatches.iter().map(max_workgroups).max().unwrap_or(0)
     }
 }
 
@@ -261,8 +261,8 @@ impl Plan {
             buffer.usage.storage |= accesses.iter().any(|access| *access != Access::Uniform);
         }
         let at = |id| resources.iter().position(|resource| *resource == Resource::Own(id)).unwrap_or(0);
-        let largest = |of: &dyn Fn(&&PlanBuffer) -> bool| {
-            buffers.iter().filter(of).map(|buffer| buffer.size).max().unwrap_or(0)
+        let largest = |is_counted: &dyn Fn(&&PlanBuffer) -> bool| {
+            buffers.iter().filter(is_counted).map(|buffer| buffer.size).max().unwrap_or(0)
         };
         let requirements = DeviceLimits {
             storage_binding: largest(&|buffer| buffer.usage.storage),
@@ -289,14 +289,15 @@ impl Plan {
         let constant = |bytes: Arc<[u8]>| {
             ((bytes.len() as u64).max(16).next_multiple_of(16), BufferSource::Constant(bytes))
         };
-        let table = |of: fn(&TableBytes) -> &Arc<[u8]>| {
-            constants.tables.map_or_else(|| Arc::from([]), |tables| of(tables).clone())
+        let table = |bytes: fn(&TableBytes) -> &Arc<[u8]>| {
+            constants.tables.map_or_else(|| Arc::from([]), |tables| bytes(tables).clone())
         };
         let spheres = u64::from(self.spheres);
         let columns = self.columns.unwrap_or_default();
         let (name, (size, source)) = match resource {
             Resource::Own(id) => {
-                let size = self.buffers.iter().find(|(of, _)| *of == id).map_or(16, |(_, size)| *size);
+                let size =
+                    self.buffers.iter().find(|(buffer, _)| *buffer == id).map_or(16, |(_, size)| *size);
                 (id.name(), (size, BufferSource::Working))
             }
             Resource::Spheres => ("spheres".to_owned(), input(spheres * 16)),

@@ -57,14 +57,14 @@ impl Sides {
         let species = || 0..table.species();
         let division = groups.divide();
         let of_species: Vec<Option<u8>> =
-            species().map(|of| Some(division[groups.of_species[of as usize]?])).collect();
+            species().map(|id| Some(division[groups.of_species[id as usize]?])).collect();
         let partners = groups.side_partners(&division);
         let is_narrow = |side: usize| {
-            (0..groups.count()).any(|of| groups.is_narrow(of) && usize::from(division[of]) == side)
+            (0..groups.count()).any(|group| groups.is_narrow(group) && usize::from(division[group]) == side)
         };
         let narrow = mask((0..partners.len()).map(is_narrow));
         let on = |side: usize| {
-            let own = species().filter(|&of| of_species[of as usize].map(usize::from) == Some(side));
+            let own = species().filter(|&id| of_species[id as usize].map(usize::from) == Some(side));
             own.collect::<Vec<_>>()
         };
         let members: Vec<Vec<u32>> = (0..partners.len()).map(on).collect();
@@ -130,9 +130,9 @@ impl PairingGroups {
         most_frequent: Option<u32>,
     ) -> Self {
         let active: Vec<usize> = (0..partition.count()).filter(|&group| !partition.is_idle(group)).collect();
-        let position = |of: u32| active.iter().position(|&group| group == partition.group_of(of));
+        let position = |id: u32| active.iter().position(|&group| group == partition.group_of(id));
         let of_species: Vec<Option<usize>> = (0..table.species()).map(position).collect();
-        let weight = |group: usize| of_species.iter().filter(|of| **of == Some(group)).count() as f64;
+        let weight = |group: usize| of_species.iter().filter(|other| **other == Some(group)).count() as f64;
         let partners = |group: usize| mask(active.iter().map(|&other| partition.groups_pair(group, other)));
         let groups = Self {
             weights: (0..active.len()).map(weight).collect(),
@@ -155,7 +155,7 @@ impl PairingGroups {
 
     /// Returns the narrow groups, one bit each. If two of them pair, `most_frequent` stays, or else the narrower one.
     fn narrow(&self, most_frequent: Option<usize>, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
-        let narrow = |group| Some((narrowness(group).filter(|of| *of < MAX_NARROW)?, group));
+        let narrow = |group| Some((narrowness(group).filter(|fraction| *fraction < MAX_NARROW)?, group));
         let mut groups: Vec<(f64, usize)> = (0..self.count()).filter_map(narrow).collect();
         groups.sort_by(|(a, _), (b, _)| a.total_cmp(b));
         groups.sort_by_key(|&(_, group)| Some(group) != most_frequent);
@@ -183,7 +183,8 @@ impl PairingGroups {
     /// side separates narrow groups and those that do not pair with themselves.
     fn divide(&self) -> Division {
         let mut best = [(f64::INFINITY, [0; MAX_SIDES]); MAX_SIDES + 1];
-        for division in divisions(self.count()).into_iter().filter(|of| self.separates_narrow(of)) {
+        for division in divisions(self.count()).into_iter().filter(|division| self.separates_narrow(division))
+        {
             let partners = self.side_partners(&division);
             let (cost, of_this_many) = (self.comparisons(&division, &partners), &mut best[partners.len()]);
             if cost < of_this_many.0 && self.separates_groups_without_pairs(&division, &partners) {

@@ -55,7 +55,7 @@ fn the_most_spheres_that_can_be_bound_can_be_searched() {
     for limits in [LAVAPIPE, H200, DeviceLimits { storage_binding: 8 << 20, ..LAVAPIPE }] {
         let most = u32::try_from(most_spheres(&limits)).expect("indices have 32 bits");
         let grids = Algorithm::GPU.iter().copied().filter(|&algorithm| algorithm != Algorithm::Naive);
-        for (algorithm, periodic) in grids.flat_map(|of| [(of, false), (of, true)]) {
+        for (algorithm, periodic) in grids.flat_map(|algorithm| [(algorithm, false), (algorithm, true)]) {
             let request = Request { algorithm, periodic, has_species: true, ..request(most, 1) };
             plan(&request, &limits).unwrap_or_else(|error| panic!("{algorithm}, {limits:?}: {error}"));
         }

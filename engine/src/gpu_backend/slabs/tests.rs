@@ -50,13 +50,13 @@ fn agrees(input: &SlabInput<'_>, most: usize) -> usize {
                 slabs.gather(number, input, &range, &mut slab).expect("there is memory");
                 let count = slab.indices.len();
                 assert!(count <= most, "{count} spheres in a slab of {most}");
-                let of = |k: u32| slab.indices[k as usize] as usize;
+                let index_of = |k: u32| slab.indices[k as usize] as usize;
                 let window = slab.window();
                 let from = slab.split();
                 let in_slab =
                     window.flat_map(|i| (from.max(i + 1)..count as u32).map(move |j| Pair { i, j }));
                 let mut own: Vec<Pair> =
-                    in_slab.filter(|pair| overlaps(input, of(pair.i), of(pair.j))).collect();
+                    in_slab.filter(|pair| overlaps(input, index_of(pair.i), index_of(pair.j))).collect();
                 slab.restore_indices(&mut own);
                 assert!(own.iter().all(|pair| range.contains(&pair.i)), "{range:?}");
                 found.extend(own);

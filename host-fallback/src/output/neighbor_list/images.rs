@@ -28,7 +28,7 @@ const IMAGES: &str = "images of spheres";
 pub struct PeriodicImages {
     first: Vec<[f64; 4]>,
     images: Vec<[f64; 4]>,
-    of: Vec<u32>,
+    spheres: Vec<u32>,
     /// Cell vectors subtracted from each sphere of the first set.
     folds: Vec<[f64; 3]>,
     shifts: Vec<[f64; 3]>,
@@ -113,7 +113,7 @@ impl PeriodicImages {
     /// Returns an image's sphere, and the cell vectors from `i` to the image.
     pub(super) fn shift(&self, i: u32, image: u32) -> (u32, [f64; 3]) {
         let (fold, shift) = (self.folds[i as usize], self.shifts[image as usize]);
-        (self.of[image as usize], [0, 1, 2].map(|k| shift[k] + fold[k]))
+        (self.spheres[image as usize], [0, 1, 2].map(|k| shift[k] + fold[k]))
     }
 
     fn fold_all(&mut self, lattice: &Lattice, contact: &ContactTest<'_>) -> Result<FoldedExtent, Error> {
@@ -139,10 +139,10 @@ impl PeriodicImages {
 
     fn reserve(&mut self, count: usize) -> Result<(), Error> {
         try_resize(&mut self.images, count, IMAGES)?;
-        try_resize(&mut self.of, count, IMAGES)?;
+        try_resize(&mut self.spheres, count, IMAGES)?;
         try_resize(&mut self.shifts, count, IMAGES)?;
         self.images.clear();
-        self.of.clear();
+        self.spheres.clear();
         self.shifts.clear();
         Ok(())
     }
@@ -180,7 +180,7 @@ impl PeriodicImages {
                 contact.check_stop()?;
             }
             try_push(&mut self.images, row(lattice.image(&folded, steps), half_cutoff), IMAGES)?;
-            try_push(&mut self.of, k as u32, IMAGES)?;
+            try_push(&mut self.spheres, k as u32, IMAGES)?;
             try_push(&mut self.shifts, shift, IMAGES)?;
         }
         Ok(())

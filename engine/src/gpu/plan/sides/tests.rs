@@ -46,16 +46,16 @@ fn species_of_disjoint_pairs_have_a_side_each() {
 fn species_compared_in_vain(table: &Interactions) -> Vec<u32> {
     let sides = sides_of(table);
     let is_compared = |side: u8| sides.one_set.of_side[usize::from(side)] >> side & 1 == 1;
-    let on_compared_side = |of: &u32| sides.of_species[*of as usize].is_some_and(is_compared);
-    let pairs = |of: &u32| table.get(*of, *of) != Interaction::Never;
-    (0..table.species()).filter(|of| !pairs(of)).filter(on_compared_side).collect()
+    let on_compared_side = |id: &u32| sides.of_species[*id as usize].is_some_and(is_compared);
+    let pairs = |id: &u32| table.get(*id, *id) != Interaction::Never;
+    (0..table.species()).filter(|id| !pairs(id)).filter(on_compared_side).collect()
 }
 
 #[test]
 fn species_beyond_the_most_groups_share_sides_that_never_meet_themselves() {
     for pairs in 5..=20 {
         let disjoint: Vec<_> = (0..pairs).map(|pair| (2 * pair, 2 * pair + 1, TOUCH)).collect();
-        let with_one = (0..2 * pairs).map(|of| (of, 2 * pairs, TOUCH));
+        let with_one = (0..2 * pairs).map(|id| (id, 2 * pairs, TOUCH));
         let partner_of_all: Vec<_> = disjoint.iter().copied().chain(with_one).collect();
         for table in [table(2 * pairs, &disjoint), table(2 * pairs + 1, &partner_of_all)] {
             assert_eq!(species_compared_in_vain(&table), [], "{pairs} pairs");
@@ -66,7 +66,7 @@ fn species_beyond_the_most_groups_share_sides_that_never_meet_themselves() {
 
 #[test]
 fn ring_of_reactions_has_two_sides_that_pair_alike() {
-    let ring: Vec<_> = (0..4).map(|of| (of, (of + 1) % 4, TOUCH)).collect();
+    let ring: Vec<_> = (0..4).map(|id| (id, (id + 1) % 4, TOUCH)).collect();
     let sides = sides_of(&table(4, &ring));
     assert_eq!(sides.of_species, [0, 1, 0, 1].map(Some));
     assert_eq!((&sides.one_set.of_side[..], sides.one_set.interaction), (&ACROSS[..], SearchParams::TOUCH));
@@ -150,7 +150,7 @@ fn species_that_never_meets_itself_is_on_no_side_that_does() {
         // The first species have no pairs of their own.
         for first in 1..=species {
             let mut table = Interactions::new(species, TOUCH).expect("a table");
-            (0..first).for_each(|of| table.set(of, of, Interaction::Never).expect("a species of the table"));
+            (0..first).for_each(|id| table.set(id, id, Interaction::Never).expect("a species of the table"));
             assert_eq!(species_compared_in_vain(&table), [], "{first} of {species}");
         }
     }
@@ -185,9 +185,9 @@ fn random_tables_have_sides_for_all_their_pairs() {
         }
         let all: Vec<u32> = (0..species).collect();
         for (a, b) in product(&all, &all).filter(|&(a, b)| table.get(a, b) != Interaction::Never) {
-            let [of_a, of_b] = [a, b].map(|of| sides.of_species[of as usize].expect("the species pairs"));
+            let [of_a, of_b] = [a, b].map(|id| sides.of_species[id as usize].expect("the species pairs"));
             assert_eq!(sides.one_set.of_side[usize::from(of_a)] >> of_b & 1, 1, "{a} and {b} of {species}");
-            let [half_a, half_b] = [a, b].map(|of| sides.effective_radius(&table, of).half);
+            let [half_a, half_b] = [a, b].map(|id| sides.effective_radius(&table, id).half);
             let are_narrow = [of_a, of_b].map(|side| sides.one_set.narrow >> side & 1 == 1);
             assert!(of_a == of_b || are_narrow != [true; 2], "{a} and {b} of {table:?}");
             let cutoff = match of_a != of_b && are_narrow.contains(&true) {
