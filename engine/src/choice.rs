@@ -62,8 +62,8 @@ pub(crate) fn is_per_call(requested: Backend, algorithm: Algorithm) -> bool {
 }
 
 #[cfg(feature = "gpu")]
-pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String) {
-    let AdapterProfile { device_from, how, .. } = *known;
+pub(crate) fn per_call(spheres: u64, profile: &AdapterProfile) -> (Backend, String) {
+    let AdapterProfile { device_from, how, .. } = *profile;
     match spheres < u64::from(device_from) {
         true => (Backend::Cpu, format!("CPU: {spheres} spheres are fewer than {device_from} ({how})")),
         false => (Backend::Gpu, format!("GPU: {spheres} spheres are at least {device_from} ({how})")),

@@ -19,7 +19,7 @@ pub(crate) fn stride(spheres: &[Sphere]) -> f32 {
     if radius > 0.0 { radius.min(1e30) } else { 1.0 }
 }
 
-/// Moves each sphere by up to `fraction` times the `stride` along each axis.
+/// Moves each sphere by up to `strides` times the `stride` along each axis.
 pub fn walk(spheres: &mut [Sphere], strides: f32, step: u32) {
     let far = strides * stride(spheres);
     for (sphere, k) in spheres.iter_mut().zip(0_u32..) {

@@ -14,31 +14,31 @@ use crate::{Backend, Error, choice};
 pub(crate) struct AutoBackend {
     host: HostBackend,
     device: GpuBackend,
-    chosen: (Backend, String),
+    choice_and_reason: (Backend, String),
 }
 
 impl AutoBackend {
     pub(crate) fn new(gpu: GpuDevice, config: Config) -> Result<Self, Error> {
         let host = HostBackend::new(config.settings.clone())?;
         let device = GpuBackend::on_team(gpu, config, Arc::clone(host.team()))?;
-        Ok(Self { host, device, chosen: (Backend::Gpu, String::new()) })
+        Ok(Self { host, device, choice_and_reason: (Backend::Gpu, String::new()) })
     }
 
     fn last(&self) -> &dyn DetectorBackend {
-        if self.chosen.0 == Backend::Cpu { &self.host } else { &self.device }
+        if self.choice_and_reason.0 == Backend::Cpu { &self.host } else { &self.device }
     }
 }
 
 impl DetectorBackend for AutoBackend {
     fn report(&self) -> Report {
         let mut report = self.last().report();
-        report.prepend_reason(&self.chosen.1);
+        report.prepend_reason(&self.choice_and_reason.1);
         report
     }
 
     fn memory_for(&self, spheres: u64, is_f64: bool) -> u64 {
-        let on_host = self.host.memory_for(spheres.min(u64::from(self.device.known.device_from)), is_f64);
-        match choice::per_call(spheres, &self.device.known).0 {
+        let on_host = self.host.memory_for(spheres.min(u64::from(self.device.profile.device_from)), is_f64);
+        match choice::per_call(spheres, &self.device.profile).0 {
             Backend::Cpu => on_host,
             _ => on_host.saturating_add(self.device.memory_for(spheres, is_f64)),
         }
@@ -55,16 +55,16 @@ impl SearchBackend for AutoBackend {
     }
 
     fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>) {
-        match self.chosen.0 {
+        match self.choice_and_reason.0 {
             Backend::Cpu => self.host.report_mut(),
             _ => self.device.report_mut(),
         }
     }
 
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
-        self.chosen = choice::per_call(query.len() as u64, &self.device.known);
-        log::debug!("{}", self.chosen.1);
-        match self.chosen.0 {
+        self.choice_and_reason = choice::per_call(query.len() as u64, &self.device.profile);
+        log::debug!("{}", self.choice_and_reason.1);
+        match self.choice_and_reason.0 {
             Backend::Cpu => self.host.search(query, work),
             _ => self.device.search(query, work),
         }
@@ -84,8 +84,9 @@ mod tests {
     fn calls_run_on_the_faster_backend() {
         let Ok(gpu) = GpuDevice::shared(SoftwareAdapter::Allow) else { return };
         let names = [&gpu.adapter.name, &gpu.adapter.driver, env!("CARGO_PKG_VERSION")].map(str::to_owned);
-        let known = Calibration::new(names, Crossover::SOFTWARE, 1 << 19, SOFTWARE_SKIN_COSTS, 100);
-        let backend = AutoBackend::new(gpu, Config::default().calibration([known])).expect("valid settings");
+        let calibration = Calibration::new(names, Crossover::SOFTWARE, 1 << 19, SOFTWARE_SKIN_COSTS, 100);
+        let backend =
+            AutoBackend::new(gpu, Config::default().calibration([calibration])).expect("valid settings");
         let mut finder = BackendFinder::on(Box::new(backend));
         let spheres: Vec<Sphere> = (0..200).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.5)).collect();
         for (count, expected) in

@@ -37,7 +37,7 @@ pub(crate) use self::auto_backend::AutoBackend;
 #[derive(Debug)]
 pub(crate) struct GpuBackend {
     settings: Settings,
-    pub(super) known: AdapterProfile,
+    pub(super) profile: AdapterProfile,
     device: Device,
     framed: Option<Box<Device>>,
     species: DeviceSpecies,
@@ -57,16 +57,16 @@ impl GpuBackend {
     pub(crate) fn on_team(gpu: GpuDevice, config: Config, team: Arc<Team>) -> Result<Self, Error> {
         let settings = config.settings;
         let interactions = searched_table(&settings, settings.is_framed())?;
-        let known = profile_of(&config.calibrations, &gpu.adapter);
+        let profile = profile_of(&config.calibrations, &gpu.adapter);
         let most_pairs = DeviceLimits::from_device(&gpu.device).bytes() / size_of::<Pair>() as u64;
         let defaults = GpuConfig::default();
         let pair_capacity = most_pairs.min(defaults.pair_capacity.into()) as u32;
         let gpu_config = defaults
             .pair_capacity(pair_capacity)
             .algorithm(settings.algorithm)
-            .crossover(known.crossover)
-            .radix_sort_from(known.radix_sort_from)
-            .max_tests_per_dispatch(tests_within_limit(known.tests_per_second))
+            .crossover(profile.crossover)
+            .radix_sort_from(profile.radix_sort_from)
+            .max_tests_per_dispatch(tests_within_limit(profile.tests_per_second))
             .cell_ratio(cell_ratio(config.cell_ratio)?)
             .tau(config.tau.unwrap_or(GpuConfig::TAU))
             .interactions(interactions.clone())
@@ -96,7 +96,7 @@ impl GpuBackend {
         }
         Ok(Self {
             settings,
-            known,
+            profile,
             device,
             framed: None,
             species: DeviceSpecies::default(),
@@ -140,7 +140,8 @@ impl SearchBackend for GpuBackend {
     }
 
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
-        let Self { settings, known, device, framed, species, skin_controller, team, buffers, report } = self;
+        let Self { settings, profile, device, framed, species, skin_controller, team, buffers, report } =
+            self;
         let settings = &*settings;
         report.begin(query.len());
         let (prepared, stats) = team.pass(query.len(), |threads| {
@@ -157,8 +158,12 @@ impl SearchBackend for GpuBackend {
         let requested = settings.algorithm;
         let classes = stats.occupied().count();
         let (spheres, split) = (query.len() as u32, prepared.split.map(|split| split as u32));
-        let (algorithm, reason) =
-            choice::algorithm(requested, CallSize { spheres, split, classes }, known.crossover, known.how);
+        let (algorithm, reason) = choice::algorithm(
+            requested,
+            CallSize { spheres, split, classes },
+            profile.crossover,
+            profile.how,
+        );
         log::debug!("{reason}");
         (report.algorithm, report.reason) = (algorithm, reason);
         let present = prepared.present_species().filter(|_| !has_empty_set(split, spheres));
@@ -189,8 +194,8 @@ impl SearchBackend for GpuBackend {
         if let Some(skin_controller) =
             skin_controller.as_deref_mut().filter(|_| search.is_bound_at_once(&request))
         {
-            let skin = match choice::can_use_skin(requested, algorithm, spheres, &known.skin) {
-                Ok(()) => skin_controller.next(&request, &known.skin)?,
+            let skin = match choice::can_use_skin(requested, algorithm, spheres, &profile.skin) {
+                Ok(()) => skin_controller.next(&request, &profile.skin)?,
                 Err(why) => {
                     log::debug!("no candidates: {why}");
                     *skin_controller = SkinController::default();

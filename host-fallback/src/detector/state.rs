@@ -41,9 +41,9 @@ impl DetectorState {
             return Ok(Some(RebuildReason::NoList));
         }
         let Self { report, skin, cell_list, .. } = self;
-        let is_kept = skin.candidates.input_stats().is_some();
+        let has_candidate_list = skin.candidates.input_stats().is_some();
         let mut advance = || skin.advance(settings, spheres, cell_list, executor);
-        match is_kept {
+        match has_candidate_list {
             true => report.time("measure", advance),
             false => advance(),
         }

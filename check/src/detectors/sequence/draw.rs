@@ -54,11 +54,11 @@ pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
 }
 
 fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
-    let keeps = matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
+    let has_candidates = matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
     match random.below(12) {
         0 => Skin::Off,
         1..=6 => Skin::Auto,
-        _ if !keeps => Skin::Auto,
+        _ if !has_candidates => Skin::Auto,
         _ => {
             let fraction = [0.01, 0.1, 0.5, 0.5, 2.0, 20.0][random.below(6) as usize];
             Skin::Fixed((fraction * radius).clamp(1e-14, 1e17).into())

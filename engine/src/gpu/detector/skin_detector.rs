@@ -150,9 +150,9 @@ impl GpuSkinDetector {
         Ok(self.search.memory_for(spheres)? + buffers.iter().map(|(_, bytes)| bytes).sum::<u64>())
     }
 
-    /// Returns the used fraction of half the skin; `moved` has the bits of a squared displacement.
-    pub(crate) fn displacement_fraction(&self, moved: u32) -> f32 {
-        f32::from_bits(moved).sqrt() / (self.skin / 2.0)
+    /// Returns the used fraction of half the skin; `squared_bits` has the bits of a squared displacement.
+    pub(crate) fn displacement_fraction(&self, squared_bits: u32) -> f32 {
+        f32::from_bits(squared_bits).sqrt() / (self.skin / 2.0)
     }
 
     pub(crate) fn plan(&self) -> Option<&Plan> {

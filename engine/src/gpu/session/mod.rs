@@ -42,7 +42,7 @@ pub struct GpuSession {
     timeout: Duration,
     call_buffers: [CallBuffers; MAX_IN_FLIGHT],
     calls: [QueuedCall; MAX_IN_FLIGHT],
-    begun: u64,
+    next_number: u64,
     /// The call whose result is in the detector's buffers.
     submitted: Option<(u64, GpuOutput)>,
     pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
@@ -107,7 +107,7 @@ impl GpuSession {
             timeout: Duration::from_secs(600),
             call_buffers: Default::default(),
             calls: [(); MAX_IN_FLIGHT].map(|()| QueuedCall::new(requested)),
-            begun: 0,
+            next_number: 0,
             submitted: None,
             pending: Default::default(),
             tickets: Default::default(),
@@ -259,7 +259,7 @@ impl GpuSession {
             }
         }
         let call_index = |number: u64| number as usize % MAX_IN_FLIGHT;
-        let mut numbers = self.begun..self.begun + MAX_IN_FLIGHT as u64;
+        let mut numbers = self.next_number..self.next_number + MAX_IN_FLIGHT as u64;
         let Some(number) = numbers.find(|&number| self.pending[call_index(number)].is_none()) else {
             return Err(Error::TooManyInFlight { calls: MAX_IN_FLIGHT });
         };
@@ -270,7 +270,7 @@ impl GpuSession {
         self.calls[call_index(number)] = call;
         self.counts[call_index(number)] = SubmissionCounts::default();
         self.submit(number, Submission::Full(window))?;
-        self.begun = number + 1;
+        self.next_number = number + 1;
         let held = Arc::new(());
         self.tickets[call_index(number)] = Arc::downgrade(&held);
         Ok(Ticket { number, held })
