@@ -83,8 +83,10 @@ impl SphereWrapper {
         let (radius, group) = match &self.species {
             None => (sphere.radius, 0),
             Some(table) => {
-                let reach = table.species_radii.get(species as usize);
-                let radius = reach.map_or(sphere.radius, |reach| reach.effective.for_radius(sphere.radius));
+                let species_radius = table.species_radii.get(species as usize);
+                let radius = species_radius.map_or(sphere.radius, |species_radius| {
+                    species_radius.effective.for_radius(sphere.radius)
+                });
                 (radius, table.groups.group_of(species))
             }
         };
@@ -114,8 +116,11 @@ impl SphereWrapper {
         let (radius, group) = match &self.species {
             None => (radius, 0),
             Some(table) => {
-                let reach = table.species_radii.get(species as usize);
-                (reach.map_or(radius, |reach| reach.for_radius(radius)), table.groups.group_of(species))
+                let species_radius = table.species_radii.get(species as usize);
+                (
+                    species_radius.map_or(radius, |species_radius| species_radius.for_radius(radius)),
+                    table.groups.group_of(species),
+                )
             }
         };
         let mut center = [x, y, z];
