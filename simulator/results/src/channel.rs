@@ -149,7 +149,7 @@ impl Channels {
     pub fn write_responses(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
-            "transmitter,receiver,species,from,until,replicas,part mean,part error,so far mean,so far error"
+            "transmitter,receiver,species,from,until,replicas,fraction mean,fraction error,so far mean,so far error"
         )?;
         for response in &self.responses {
             let bin = f64::from(response.width) * model.time_step;
@@ -167,7 +167,7 @@ impl Channels {
 
     /// Writes the fractions in slots after the release.
     pub fn write_interference(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
-        writeln!(out, "transmitter,receiver,species,slot,replicas,part mean,part error")?;
+        writeln!(out, "transmitter,receiver,species,slot,replicas,fraction mean,fraction error")?;
         for interference in &self.interference {
             for (lag, fraction) in interference.by_lag.iter().enumerate() {
                 let name = names(interference.link, model);

@@ -59,8 +59,8 @@ impl SweepRow {
             }
             if let Some(fraction) = response.cumulative.iter().rfind(|fraction| fraction.count() > 0) {
                 self.add(
-                    "arrived part",
-                    format!("{name} arrived part"),
+                    "arrived fraction",
+                    format!("{name} arrived fraction"),
                     fraction.mean(),
                     fraction.standard_error(),
                 );
@@ -68,8 +68,8 @@ impl SweepRow {
         }
         for interference in channels.interference.iter().filter(|interference| interference.late.count() > 0)
         {
-            let name = format!("{} late part", link_name(interference.link, model));
-            self.add("late part", name, interference.late.mean(), interference.late.standard_error());
+            let name = format!("{} late fraction", link_name(interference.link, model));
+            self.add("late fraction", name, interference.late.mean(), interference.late.standard_error());
         }
         for errors in channels.least_errors() {
             let wrong = errors.at(&errors.best()).1;

@@ -81,6 +81,6 @@ pub(crate) fn chemotaxis() -> Vec<Row> {
     let simulation = run_for(&model, 6, 1500);
     let found =
         simulation.state().particles.position[0].iter().filter(|x| f64::from(x.abs()) < width).count();
-    rows.push(Row::fraction("share within a width of a peak", near / all, found as f64 / f64::from(N), N));
+    rows.push(Row::fraction("fraction within a width of a peak", near / all, found as f64 / f64::from(N), N));
     rows
 }

@@ -192,7 +192,7 @@ pub(crate) fn gas_between_walls() -> Vec<Row> {
     let near = |at: &usize| particles.position_of(*at).iter().any(|&x| x.abs() > half - radius - layer);
     let fraction = (0..particles.len()).filter(near).count() as f64 / n;
     let expected = 1.0 - (1.0 - f64::from(layer / (half - radius))).powi(3);
-    let mut rows = vec![Row::fraction("share near a wall after 4 s", expected, fraction, n)];
+    let mut rows = vec![Row::fraction("fraction near a wall after 4 s", expected, fraction, n)];
     rows.push(Row::new("relative drift of energy, walls", 0.0, after.energy / before.energy - 1.0, 1e-5));
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let squares: f64 = particles.velocity[axis].iter().map(|&v| f64::from(v).powi(2)).sum();

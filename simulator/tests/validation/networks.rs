@@ -203,7 +203,7 @@ pub(crate) fn branching() -> Vec<Row> {
     let runs: Vec<[u64; 2]> = (0..10).into_par_iter().map(run).collect();
     let [first, second] = [0, 1].map(|k| runs.iter().map(|run| run[k]).sum::<u64>() as f64);
     let n = first + second;
-    vec![Row::fraction("share of the first channel", 0.75, first / n, n)]
+    vec![Row::fraction("fraction of the first channel", 0.75, first / n, n)]
 }
 
 /// Particles that react within a target at a rate λ. With κ = √(λ/D) those at r ever react with probability h(r) =
@@ -266,7 +266,7 @@ pub(crate) fn chain() -> Vec<Row> {
     let expected = [(-1.0_f64).exp(), (-1.0_f64).exp() - (-2.0_f64).exp()];
     let row = |k: usize| {
         let fraction = present[k] as f64 / f64::from(n);
-        let what = format!("share of {} after 1 s", model.species[k].name);
+        let what = format!("fraction of {} after 1 s", model.species[k].name);
         Row::fraction(what, expected[k], fraction, n)
     };
     vec![row(0), row(1), chain_to_dissociation(0.5, 9), chain_to_dissociation(1.0, 10)]
@@ -285,5 +285,5 @@ fn chain_to_dissociation(time_step: f64, seed: u64) -> Row {
     let simulation = run_for(&model, seed, (1.0 / time_step) as u32);
     let fraction = simulation.state().totals.present[2] as f64 / f64::from(2 * n);
     let expected = (1.0 - (-1.0_f64).exp()).powi(2);
-    Row::fraction(format!("share of the dissociated, step {time_step} s"), expected, fraction, n)
+    Row::fraction(format!("fraction of the dissociated, step {time_step} s"), expected, fraction, n)
 }

@@ -263,7 +263,7 @@ impl DriftAtWall {
         }
         let measured = fractions.iter().sum::<f64>() / fractions.len() as f64;
         let expected = -(-layer).exp_m1();
-        let what = format!("share within {layer:.2} of a wall, vΔt = {ratio:.2}·√(2DΔt)");
+        let what = format!("fraction within {layer:.2} of a wall, vΔt = {ratio:.2}·√(2DΔt)");
         Row::new(what, expected, measured, 0.02 * expected)
     }
 }

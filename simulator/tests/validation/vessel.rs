@@ -64,7 +64,7 @@ pub(crate) fn flow_profiles() -> Vec<Row> {
         }
         rows.push(pulse(profile));
         let inside = simulation.positions().filter(|[x, _, z]| x.hypot(*z) < 0.9 * RADIUS).count();
-        let what = format!("{profile}, share within 0.9 R");
+        let what = format!("{profile}, fraction within 0.9 R");
         rows.push(Row::fraction(what, 0.81, inside as f64 / f64::from(N), N));
     }
     rows

@@ -64,7 +64,7 @@ pub(crate) fn inside_a_sphere() -> Vec<Row> {
     let particles = &simulation.state().particles;
     let far = |at: &usize| particles.position_of(*at).iter().map(|x| x * x).sum::<f32>() > 0.81;
     let found = (0..particles.len()).filter(far).count() as f64 / f64::from(N);
-    rows.push(Row::fraction("reflects, share beyond 0.9 R", 0.271, found, N));
+    rows.push(Row::fraction("reflects, fraction beyond 0.9 R", 0.271, found, N));
     rows
 }
 

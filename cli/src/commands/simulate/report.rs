@@ -28,8 +28,8 @@ pub(super) const PLOTS: &[&str] = &[
     "bit-errors",
     "bit-errors-by-delay",
     "peak-time",
-    "arrived-part",
-    "late-part",
+    "arrived-fraction",
+    "late-fraction",
     "impulse-responses",
     "impulse-responses-inside",
 ];

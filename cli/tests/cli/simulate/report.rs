@@ -79,7 +79,7 @@ fn channels_are_as_formulas_and_logs_say() {
     assert!(responses.len() > 50, "{} rows", responses.len());
     for row in responses.iter().filter(|row| number(row, "until") < 0.45) {
         let [from, until] = ["from", "until"].map(|name| number(row, name));
-        for (what, fraction) in [("part", arrived(until) - arrived(from)), ("so far", arrived(until))] {
+        for (what, fraction) in [("fraction", arrived(until) - arrived(from)), ("so far", arrived(until))] {
             let measured = number(row, &format!("{what} mean"));
             let error = (fraction * (1.0 - fraction) / released).sqrt();
             assert!(
@@ -97,7 +97,7 @@ fn channels_are_as_formulas_and_logs_say() {
         let slot = number(row, "slot");
         let fraction = arrived(0.2 * (slot + 1.0)) - arrived(0.2 * slot);
         let error = (fraction / released).sqrt() * 2.0_f64.sqrt();
-        assert!((number(row, "part mean") - fraction).abs() < 4.0 * error, "{row:?}, not {fraction}");
+        assert!((number(row, "fraction mean") - fraction).abs() < 4.0 * error, "{row:?}, not {fraction}");
     }
     let errors = table("bit-errors.csv");
     let mut best = usize::MAX;
@@ -258,18 +258,21 @@ fn transparent_receivers_have_responses_and_bit_errors() {
         replicas().flat_map(|directory| rows(&(directory + "/releases.csv"))).map(|_| 1.0).sum();
     // Bins are one step long; rows are every 5 steps after a release.
     let responses: Vec<_> =
-        table("impulse-response.csv").into_iter().filter(|row| !row["part mean"].is_empty()).collect();
+        table("impulse-response.csv").into_iter().filter(|row| !row["fraction mean"].is_empty()).collect();
     assert!(responses.len() > 10, "{} bins", responses.len());
     for row in responses.iter().filter(|row| number(row, "from") < 0.8) {
         let fraction = inside(number(row, "from"));
         let error = (fraction / (400.0 * bursts.min(60.0))).sqrt();
-        assert!((number(row, "part mean") - fraction).abs() < 4.0 * error + 1e-4, "{row:?}, not {fraction}");
+        assert!(
+            (number(row, "fraction mean") - fraction).abs() < 4.0 * error + 1e-4,
+            "{row:?}, not {fraction}"
+        );
         assert!(row["so far mean"].is_empty());
     }
     for row in table("interference.csv").iter().take(3) {
         let from = 0.2 * number(row, "slot");
         let fraction = (0..4).map(|k| inside(from + 0.05 * f64::from(k))).sum::<f64>() / 4.0;
-        assert!((number(row, "part mean") / fraction - 1.0).abs() < 0.1, "{row:?}, not {fraction}");
+        assert!((number(row, "fraction mean") / fraction - 1.0).abs() < 0.1, "{row:?}, not {fraction}");
     }
     let errors = table("bit-errors.csv");
     for (detector, delay) in [("peak", 0.0), ("energy", 0.05), ("strength", 0.1)] {

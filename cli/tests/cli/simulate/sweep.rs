@@ -101,7 +101,7 @@ fn momentary_responses_have_a_plot_of_their_own() {
     let [arrivals, inside] = ["impulse-responses", "impulse-responses-inside"].map(plot);
     assert!(report.contains(&arrivals) && report.contains(&inside));
     assert!(arrivals.contains("tx to rx: A") && !arrivals.contains("tx to in: A"));
-    assert!(inside.contains("tx to in: A") && inside.contains("part of the particles"));
+    assert!(inside.contains("tx to in: A") && inside.contains("fraction of the particles"));
 }
 
 #[test]
@@ -248,7 +248,7 @@ fn shipped_sweep_has_bit_errors_by_distance() {
     let peak = |point: usize| table[point]["tx to rx: A peak time"].parse::<f64>().unwrap();
     assert!(peak(1) < peak(5), "the response of a farther receiver peaks later: {table:?}");
     let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
-    for plot in ["bit-errors", "peak-time", "arrived-part", "late-part", "impulse-responses"] {
+    for plot in ["bit-errors", "peak-time", "arrived-fraction", "late-fraction", "impulse-responses"] {
         let svg = fs::read_to_string(format!("{out}/plots/{plot}.svg")).unwrap();
         assert!(report.contains(&svg), "{plot}");
     }

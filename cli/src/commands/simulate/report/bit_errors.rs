@@ -63,7 +63,7 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
         ("bit-errors", "Bit errors by threshold", "threshold, arrivals in a slot", &by_threshold),
         ("bit-errors-by-delay", "Fewest bit errors by delay", "delay of the slots, s", &by_delay),
     ] {
-        let axes = [(x, Scale::Linear), ("part of the bits", Scale::Logarithmic)];
+        let axes = [(x, Scale::Linear), ("fraction of the bits", Scale::Logarithmic)];
         section.plots.extend(plot_scaled(file, title, axes, lines)?);
     }
     Ok(section)

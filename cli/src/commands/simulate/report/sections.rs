@@ -119,8 +119,8 @@ fn series(input: &ReportInput<'_>) -> Result<Section, Box<dyn Error>> {
 fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
     let mut section = Section { title: "Impulse response".into(), ..Section::default() };
     section.text.push(
-        "The part of the particles that arrives, or is inside, by the time since their release; particles count for times that lie \
-         before the end of the run. `impulse-response.csv` has the numbers."
+        "The fraction of the particles that arrives, or is inside, by the time since their release; particles count for \
+         times that lie before the end of the run. `impulse-response.csv` has the numbers."
             .to_owned(),
     );
     let (mut densities, mut momentary) = (Vec::new(), Vec::new());
@@ -159,13 +159,13 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
     let time = "time since release, s";
     let density = "arrivals per particle and s";
     section.plots.extend(plot("impulse-response", "Impulse response", time, density, &densities)?);
-    let axis = "part of the particles";
-    let title = "Impulse response: part inside";
+    let axis = "fraction of the particles";
+    let title = "Impulse response: fraction inside";
     section.plots.extend(plot("impulse-response-inside", title, time, axis, &momentary)?);
-    section.plots.extend(plot("arrived", "Part that has arrived", time, axis, &sums)?);
+    section.plots.extend(plot("arrived", "Fraction that has arrived", time, axis, &sums)?);
     section.tables.push(Table {
-        caption: "part that has arrived".into(),
-        header: vec!["way".into(), "within".into(), "part".into()],
+        caption: "fraction that has arrived".into(),
+        header: vec!["link".into(), "within".into(), "fraction".into()],
         rows,
     });
     Ok(section)
@@ -174,8 +174,8 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
 fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
     let mut section = Section { title: "Inter-symbol interference".into(), ..Section::default() };
     section.text.push(
-        "The part of a symbol's particles that arrives, or is inside on average, in its own slot (0), in the next one (1) and so on. \
-         Later slots interfere with later symbols. `interference.csv` has the numbers."
+        "The fraction of a symbol's particles that arrives, or is inside on average, in its own slot (0), in the next one \
+         (1) and so on. Later slots interfere with later symbols. `interference.csv` has the numbers."
             .to_owned(),
     );
     let (mut all, mut rows) = (Vec::new(), Vec::new());
@@ -200,13 +200,13 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
         "interference",
         "Inter-symbol interference",
         "slots after the release",
-        "part of the particles",
+        "fraction of the particles",
         &all,
     )?);
     let lags = channels.interference.first().map_or(0, |interference| interference.by_lag.len());
-    let header = ["way".to_owned()].into_iter().chain((0..lags).map(|lag| lag.to_string()));
+    let header = ["link".to_owned()].into_iter().chain((0..lags).map(|lag| lag.to_string()));
     section.tables.push(Table {
-        caption: "part by slot, and how much of all that arrives in these slots is late".into(),
+        caption: "fraction by slot, and how much of all that arrives in these slots is late".into(),
         header: header.chain(["late".to_owned()]).collect(),
         rows,
     });

@@ -129,7 +129,12 @@ fn response_section(
     let title = "Impulse responses of all points";
     for (file, title, axis, lines) in [
         ("impulse-responses", title.to_owned(), "arrivals per particle and s", densities),
-        ("impulse-responses-inside", format!("{title}: part inside"), "part of the particles", momentary),
+        (
+            "impulse-responses-inside",
+            format!("{title}: fraction inside"),
+            "fraction of the particles",
+            momentary,
+        ),
     ] {
         if lines.len() <= MAX_LINES {
             section.plots.extend(plot(file, &title, "time since release, s", axis, &lines)?);
