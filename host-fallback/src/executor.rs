@@ -128,7 +128,7 @@ impl Team {
     /// Creates a team of `requested` threads; `None` for the rayon pool of each caller.
     ///
     /// # Errors
-    /// [`Error::ThreadPool`] if the system refuses the threads.
+    /// [`Error::ThreadPool`] if the system refuses the threads, and [`Error::OutOfMemory`].
     pub fn new(requested: Option<usize>) -> Result<Self, Error> {
         let pool = match requested {
             None | Some(1) => None,
@@ -188,7 +188,7 @@ fn pool(requested: usize) -> Result<ThreadPool, Error> {
 /// Starts a pool of `threads` threads.
 ///
 /// # Errors
-/// Returns [`Error::ThreadPool`] if the system refuses the threads or their memory.
+/// Returns [`Error::ThreadPool`] if the system refuses the threads, and [`Error::OutOfMemory`].
 pub fn thread_pool(threads: usize) -> Result<ThreadPool, Error> {
     check_thread_memory(threads)?;
     let built = ThreadPoolBuilder::new().num_threads(threads).build();
@@ -198,19 +198,15 @@ pub fn thread_pool(threads: usize) -> Result<ThreadPool, Error> {
     Ok(pool)
 }
 
-/// Checks that the process has memory for the stacks and the thread-local values of `threads` more threads. The C
-/// library ends the process if a thread cannot allocate these values.
+/// Checks that there is memory for the stacks and the thread-local values of `threads` more threads. The C library ends
+/// the process if a thread cannot allocate these values.
 ///
 /// # Errors
-/// Returns [`Error::ThreadPool`] if it has not.
+/// Returns [`Error::OutOfMemory`] if the system refuses the memory.
 pub fn check_thread_memory(threads: usize) -> Result<(), Error> {
-    try_thread_memory(threads).map_err(|reason| Error::ThreadPool { threads, reason })
-}
-
-fn try_thread_memory(threads: usize) -> Result<(), String> {
     let bytes = threads.saturating_mul(THREAD_MEMORY).saturating_add(MIN_MAPPED);
     let mut memory = Vec::<u8>::new();
-    let refused = |_| format!("the system refused {bytes} bytes for their stacks");
+    let refused = |_| Error::OutOfMemory { what: "stacks of threads", bytes: bytes as u64 };
     memory.try_reserve_exact(bytes).map_err(refused)?;
     // The compiler could remove an allocation without a use.
     black_box(&memory);
@@ -229,15 +225,14 @@ fn cores() -> usize {
 /// refused the threads.
 ///
 /// # Errors
-/// Returns [`Error::ThreadPool`] if the system refuses the threads, or refused them before.
+/// Returns [`Error::ThreadPool`] if the system refuses the threads, or refused them before, and [`Error::OutOfMemory`].
 pub fn start_threads() -> Result<(), Error> {
     if rayon::current_thread_index().is_some() {
         return Ok(());
     }
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
-    let refused = |reason| Error::ThreadPool { threads: cores(), reason };
     if STARTED.get().is_none() {
-        try_thread_memory(cores()).map_err(refused)?;
+        check_thread_memory(cores())?;
     }
     let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {
         Ok(()) => {
@@ -248,7 +243,7 @@ pub fn start_threads() -> Result<(), Error> {
         Err(error) if error.source().is_none() => Ok(()),
         Err(error) => Err(error.to_string()),
     });
-    started.clone().map_err(refused)
+    started.clone().map_err(|reason| Error::ThreadPool { threads: cores(), reason })
 }
 
 #[cfg(test)]
