@@ -55,7 +55,7 @@ impl<'a> LigandRows<'a> {
             let ligand = kind.ligand(species)?;
             let reactivity = adsorption::reactivity(ligand.binding_rate, 1, receiver.radius.into());
             Some(EventRow {
-                own: (reactivity * time_step / f64::from(event.length)) as f32,
+                scaled_reactivity: (reactivity * time_step / f64::from(event.length)) as f32,
                 unbinding: (ligand.unbinding_rate * time_step) as f32,
                 receptor,
                 occupied: tallies.occupied(receptor as usize) as u32,

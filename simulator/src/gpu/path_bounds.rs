@@ -29,7 +29,7 @@ const MAX_THERMAL: f32 = 6.0;
 /// Bound of a path's distance from its drift, in √(2DΔt).
 const MAX_SPREADS: f32 = 4.0;
 /// Iterations in which a path passes a sphere once, at most 295 in 3500 bridges of all ratios of drift, diffusion and
-/// radius; all segments of `path_bridge.wgsl`, and all segments of `path_line.wgsl`.
+/// radius; all segments of `path_bridge.wgsl` and of `path_line.wgsl`.
 const PASSAGE_ITERATIONS: usize = 400;
 const MAX_SEGMENTS: usize = 8191;
 const MAX_LINE_SEGMENTS: usize = 3000;

@@ -79,15 +79,15 @@ impl ReceiverCellsBuilder {
         };
         let receivers: Vec<Vec<Sphere>> =
             self.species_rows.iter().map(|kind| self.events_of(kind).iter().map(sphere).collect()).collect();
-        let search_distance = |kind: &SpeciesRow| kind.reach + 3.0 * max_displacement;
-        let widest = self.species_rows.iter().map(search_distance).fold(0.0, f32::max);
+        let cell_search_distance = |kind: &SpeciesRow| kind.search_distance + 3.0 * max_displacement;
+        let widest = self.species_rows.iter().map(cell_search_distance).fold(0.0, f32::max);
         loop {
             let cells = Cells::new(receivers.iter().flatten(), widest, &self.boundary, self.max_cells);
             if !cells.are_finite(widest) {
                 return Ok(ReceiverCells::default());
             }
             let around =
-                |kind| (0..cells.count()).map(|at| cells.sphere(at, search_distance(kind))).collect();
+                |kind| (0..cells.count()).map(|at| cells.sphere(at, cell_search_distance(kind))).collect();
             let around: Vec<Vec<Sphere>> = self.species_rows.iter().map(around).collect();
             if let Some(words) = self.words(&around, &receivers)? {
                 return Ok(ReceiverCells { head: cells.head(), words });
@@ -130,14 +130,14 @@ const ROUNDING: f64 = 1e-6;
 impl Cells {
     fn new<'a>(
         receivers: impl Iterator<Item = &'a Sphere>,
-        search_distance: f32,
+        cell_search_distance: f32,
         boundary: &Boundary,
         max_cells: usize,
     ) -> Self {
         let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
         for Sphere { center, radius } in receivers {
             let center = center.to_array();
-            let beyond = radius + search_distance;
+            let beyond = radius + cell_search_distance;
             let beyond = f64::from(beyond + rounding(center, beyond));
             for k in 0..3 {
                 low[k] = low[k].min(f64::from(center[k]) - beyond);
@@ -154,7 +154,7 @@ impl Cells {
         }
         let length: [f64; 3] = std::array::from_fn(|k| high[k] - low[k]);
         // Narrower cells would hardly shorten the lists.
-        let min_cell_size = 0.5 * f64::from(search_distance);
+        let min_cell_size = 0.5 * f64::from(cell_search_distance);
         let mut cell_size =
             (length.iter().product::<f64>() / max_cells.max(1) as f64).cbrt().max(min_cell_size);
         loop {
@@ -173,16 +173,16 @@ impl Cells {
         self.cells.iter().map(|&count| count as usize).product()
     }
 
-    fn are_finite(&self, search_distance: f32) -> bool {
+    fn are_finite(&self, cell_search_distance: f32) -> bool {
         let ReceiverCellsHeader { low, cells_per_length, .. } = self.head();
-        let last = self.sphere(self.count() - 1, search_distance);
+        let last = self.sphere(self.count() - 1, cell_search_distance);
         low.is_finite()
             && cells_per_length.is_finite()
             && last.center.is_finite()
             && (2.0 * last.radius).is_finite()
     }
 
-    fn sphere(&self, at: usize, search_distance: f32) -> Sphere {
+    fn sphere(&self, at: usize, cell_search_distance: f32) -> Sphere {
         let [x, y, _] = self.cells.map(|count| count as usize);
         let cell = [at % x, at / x % y, at / x / y];
         let cell_size: [f64; 3] = std::array::from_fn(|k| self.length[k] / f64::from(self.cells[k]));
@@ -190,7 +190,7 @@ impl Cells {
             std::array::from_fn(|k| (self.low[k] + (cell[k] as f64 + 0.5) * cell_size[k]) as f32);
         let half = 0.5 * cell_size.iter().map(|cell_size| cell_size * cell_size).sum::<f64>().sqrt();
         let off: f64 = (0..3).map(|k| ROUNDING * (self.low[k].abs() + self.length[k])).sum();
-        let radius = search_distance + (half + off) as f32;
+        let radius = cell_search_distance + (half + off) as f32;
         Sphere::new(center, radius + rounding(center, radius))
     }
 
@@ -255,11 +255,11 @@ mod tests {
                 ..EventRow::default()
             };
             let event_rows: Vec<EventRow> = (0..2 * MANY).map(event).collect();
-            let kind = |lists: u32, reach: f32| SpeciesRow {
+            let kind = |lists: u32, search_distance: f32| SpeciesRow {
                 events_begin: lists * MANY,
                 decays_begin: (lists + 1) * MANY,
                 events_end: (lists + 1) * MANY,
-                reach: reach * scale,
+                search_distance: search_distance * scale,
                 cell_lists: lists,
                 ..SpeciesRow::default()
             };
@@ -290,7 +290,7 @@ mod tests {
                         let away = displacements.get(receiver as usize).copied().unwrap_or(0.0);
                         let gap = signed_distance(radius + away, begin, &boundary, point);
                         assert!(
-                            gap > kind.reach + 3.0 * max_displacement || list.contains(&at),
+                            gap > kind.search_distance + 3.0 * max_displacement || list.contains(&at),
                             "{at} is {gap} away, {boundary:?}"
                         );
                     }
@@ -306,8 +306,12 @@ mod tests {
     #[test]
     fn lists_of_ubiquitous_receivers_stay_within_capacity() {
         let event_rows = vec![EventRow { radius: 3.0, ..EventRow::default() }; 5_000];
-        let kind =
-            SpeciesRow { decays_begin: 5_000, events_end: 5_000, reach: 0.01, ..SpeciesRow::default() };
+        let kind = SpeciesRow {
+            decays_begin: 5_000,
+            events_end: 5_000,
+            search_distance: 0.01,
+            ..SpeciesRow::default()
+        };
         let mut builder = ReceiverCellsBuilder::new(&[kind], &event_rows, Boundary::default());
         let capacity = builder.max_words();
         let receiver_cells = builder.build(&[[0.0; 3]], &[], 0.0).expect("lists");

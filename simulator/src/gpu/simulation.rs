@@ -88,8 +88,9 @@ const FIRST_WINDOW_ROUNDS: u32 = 8;
 impl GpuSimulation {
     /// Begins a run on a device.
     ///
-    /// # Errors [`Error::Model`] for an invalid model, [`Error::NotOnGpu`] for features without kernels, and
-    /// [`Error::Detection`] if the device fails or has too little memory.
+    /// # Errors
+    /// [`Error::Model`] for an invalid model, [`Error::NotOnGpu`] for features without kernels, and [`Error::Detection`]
+    /// if the device fails or has too little memory.
     pub fn new(model: Model, seed: u64, device: GpuDevice, options: GpuOptions) -> Result<Self, Error> {
         let state = State::new(&model, seed)?;
         Self::resume(model, seed, device, options, &state)

@@ -174,7 +174,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             threshold: channel.up_to,
             product: channel.product.unwrap_or(NOTHING),
             tally: tallies.decay(channel.decay as usize) as u32,
-            share: channel.cumulative_fraction as f32,
+            cumulative_fraction: channel.cumulative_fraction as f32,
             ..EventRow::default()
         }));
         let walls_begin = event_rows.len() as u32;
@@ -202,7 +202,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             walls_begin,
             events_end,
             bend: step.bend,
-            reach: search_distance(model, &motion.steps, id),
+            search_distance: search_distance(model, &motion.steps, id),
             cell_lists: if is_listed { listed } else { NOTHING },
             speed: species.speed as f32,
             thermal_speed: species.thermal_speed as f32,
@@ -248,7 +248,7 @@ fn surface(receiver: &Receiver, species: usize, step: &SpeciesStep, time_step: f
         ReceiverKind::Endpoint => of_kind(EventRow::ENDPOINT),
         ReceiverKind::Reflecting => of_kind(EventRow::REFLECTING),
         ReceiverKind::Partial(Adsorption::Reactivity(reactivity)) => {
-            EventRow { own: scaled_reactivity(reactivity), ..of_kind(EventRow::PARTIAL) }
+            EventRow { scaled_reactivity: scaled_reactivity(reactivity), ..of_kind(EventRow::PARTIAL) }
         }
         ReceiverKind::Partial(Adsorption::PerStep(probability)) => match below(probability) {
             Some(threshold) => EventRow { threshold, ..of_kind(EventRow::PER_STEP) },
@@ -282,8 +282,9 @@ fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
     let reactions = Reactions::new(model);
     let species = model.species.len() as u32;
     let pairs = || (0..species).flat_map(|a| (0..species).map(move |b| [a, b]));
+    let fraction = |pair| model.first_fraction(pair);
     let idle =
-        |pair| ReactionRow { first: NOTHING, share: model.first_fraction(pair), ..ReactionRow::default() };
+        |pair| ReactionRow { first: NOTHING, first_fraction: fraction(pair), ..ReactionRow::default() };
     let mut rows: Vec<_> = pairs().map(idle).collect();
     for [a, b] in pairs() {
         let head = (a * species + b) as usize;
@@ -326,10 +327,9 @@ fn reaction_row(
     let product_species = |product: Option<u32>| product.map(|species| &model.species[species as usize]);
     let radius = |product: Option<u32>| product_species(product).map_or(0.0, |species| species.radius);
     let speed = |product: Option<u32>| product_species(product).map_or(0.0, |species| species.speed as f32);
-    let thermal =
-        |product: Option<u32>| product_species(product).map_or(0.0, |species| species.thermal_speed as f32);
+    let thermal = |one: Option<u32>| product_species(one).map_or(0.0, |species| species.thermal_speed as f32);
     let reaction = &model.reactions[rule.reaction as usize];
-    let [share, first_share] = reactions.first_fractions_of(rule.reaction);
+    let [first_fraction, first_product_fraction] = reactions.first_fractions_of(rule.reaction);
     let mut flags = u32::from(rule.consumes[0]) | u32::from(rule.consumes[1]) << 1;
     flags |= if within.is_some() { ReactionRow::NARROWER } else { 0 };
     flags |= if reaction.separates() { ReactionRow::APART } else { 0 };
@@ -345,8 +345,8 @@ fn reaction_row(
         radii: reaction.products.map(radius).into(),
         within: within.unwrap_or(0.0),
         unbinding: reaction.unbinding_radius,
-        share,
-        first_share,
+        first_fraction,
+        first_product_fraction,
         speeds: reaction.reactants.map(|species| speed(Some(species))).into(),
         thermal_speeds: reaction.reactants.map(|species| thermal(Some(species))).into(),
         product_speeds: reaction.products.map(speed).into(),
@@ -380,7 +380,7 @@ fn dissociation_rows(model: &Model, tallies: &Tallies) -> Vec<DissociationRow> {
                 tally: tallies.decay(channel.decay as usize) as u32,
                 is_within,
                 unbinding,
-                share: channel.first_fraction,
+                first_fraction: channel.first_fraction,
                 products: products.map(|product| product.map_or(NOTHING, |(species, _)| species)).into(),
                 radii: products.map(|product| product.map_or(0.0, |(_, radius)| radius)).into(),
                 product_speeds: kinds.map(|kind| kind.map_or(0.0, |kind| kind.speed as f32)).into(),

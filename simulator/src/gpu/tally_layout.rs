@@ -1,5 +1,5 @@
 /// Indices of tallies: arrivals by receiver and species, decays, reactions, changes of occupied receptors by type,
-/// and by type all requests, then refused ones.
+/// and for each type its requests and its refused requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tallies {
     pub(super) species: usize,

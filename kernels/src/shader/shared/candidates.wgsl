@@ -29,7 +29,7 @@ fn query_sphere(position: u32) -> QuerySphere {
 }
 
 // Spheres of a narrow side pair with other sides within twice the larger radius.
-fn reach_at(query: QuerySphere, level: u32) -> f32 {
+fn cutoff_at(query: QuerySphere, level: u32) -> f32 {
     let levels = vec2(level_of_cell(query.cell), level);
     let radii = vec2(cell_list.level[levels.x].max_radius, cell_list.level[levels.y].max_radius);
     let sides = levels / params.levels_per_side;
@@ -43,7 +43,7 @@ fn is_ordinary() -> bool {
 
 // The cutoff of the unguarded test: the first component plus the second times the other radius. A branch per candidate
 // slowed a burst on llvmpipe by a third.
-fn ordinary_reach(query: QuerySphere) -> vec2<f32> {
+fn ordinary_cutoff(query: QuerySphere) -> vec2<f32> {
     return select(vec2(params.interaction, 0.0), vec2(query.sphere.w, 1.0), params.interaction == TOUCH);
 }
 
@@ -64,7 +64,7 @@ fn query_sphere(position: u32) -> QuerySphere {
     return QuerySphere(sorted[position], position, cells[position], 0u);
 }
 
-fn reach_at(query: QuerySphere, level: u32) -> f32 {
+fn cutoff_at(query: QuerySphere, level: u32) -> f32 {
     return query.sphere.w + cell_list.level[level].max_radius;
 }
 
@@ -72,7 +72,7 @@ fn is_ordinary() -> bool {
     return cell_list.ordinary != 0u;
 }
 
-fn ordinary_reach(query: QuerySphere) -> vec2<f32> {
+fn ordinary_cutoff(query: QuerySphere) -> vec2<f32> {
     return vec2(query.sphere.w, 1.0);
 }
 
@@ -93,11 +93,11 @@ fn species_pair(query: QuerySphere, other: u32) -> bool {
 fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
-    let reach = ordinary_reach(query);
+    let cutoff = ordinary_cutoff(query);
     for (var number = begin; number < ordinary_end; number++) {
         let other = sorted[candidate_at(ranges, number)];
         let d = displacement(query.sphere.xyz, other.xyz);
-        let s = reach.x + reach.y * other.w;
+        let s = cutoff.x + cutoff.y * other.w;
         let hit = dot(d, d) <= s * s;
         bits |= select(0u, 1u << (number - begin), hit);
     }
@@ -169,7 +169,7 @@ fn next_level(neighbors: ptr<function, NeighborCells>, query: QuerySphere) {
     if (levels != 0u) {
         let next = firstLeadingBit(levels);
         (*neighbors).levels = levels & ~(1u << next);
-        enter_level(neighbors, next, query.sphere, reach_at(query, next));
+        enter_level(neighbors, next, query.sphere, cutoff_at(query, next));
     }
 }
 

@@ -167,10 +167,10 @@ fn up_to_largest(position: vec3<f32>) -> vec3<f32> {
     return bitcast<vec3<f32>>(min(bits & vec3(0x7fffffffu), vec3(0x7f7fffffu)) | (bits & vec3(0x80000000u)));
 }
 
-// `reach` is at least the sphere's largest cutoff with the level.
-fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4<f32>, reach: f32) {
+// `cutoff` is at least the sphere's largest cutoff with the level.
+fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4<f32>, cutoff: f32) {
     let around = cell_list.level[level].cells;
-    let half = vec3(reach * 0x1.00001p0) + abs(sphere.xyz) * 0x1p-22 + periods() * 0x1p-21;
+    let half = vec3(cutoff * 0x1.00001p0) + abs(sphere.xyz) * 0x1p-22 + periods() * 0x1p-21;
     let low = cell_numbers(up_to_largest(sphere.xyz - half), level);
     let high = cell_numbers(up_to_largest(sphere.xyz + half), level);
     var first = in_ring(low, around);

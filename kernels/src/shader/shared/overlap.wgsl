@@ -11,7 +11,7 @@ fn scaled_axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     return magnified(axis_displacement(a, b, period), 0x1p100);
 }
 
-fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -> bool {
+fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, radii: vec2<f32>, large: bool) -> bool {
     let lengths = periods();
     if (large) {
         let d = vec3(
@@ -19,7 +19,7 @@ fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -
             axis_displacement(scaled_down(a.y), scaled_down(b.y), scaled_down(lengths.y)),
             axis_displacement(scaled_down(a.z), scaled_down(b.z), scaled_down(lengths.z)),
         );
-        let s = scaled_down(reach.x) + scaled_down(reach.y);
+        let s = scaled_down(radii.x) + scaled_down(radii.y);
         return dot(d, d) <= s * s;
     }
     let d = vec3(
@@ -27,18 +27,18 @@ fn is_within_scaled(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>, large: bool) -
         scaled_axis_displacement(a.y, b.y, lengths.y),
         scaled_axis_displacement(a.z, b.z, lengths.z),
     );
-    let s = scaled_up(reach.x) + scaled_up(reach.y);
+    let s = scaled_up(radii.x) + scaled_up(radii.y);
     return dot(d, d) <= s * s;
 }
 
-fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
+fn is_within(a: vec3<f32>, b: vec3<f32>, radii: vec2<f32>) -> bool {
     let d = displacement(a, b);
-    let s = reach.x + reach.y;
+    let s = radii.x + radii.y;
     let largest = max(max(abs(d.x), abs(d.y)), max(abs(d.z), s));
     if (largest < 0x1p60 && largest > 0x1p-40) {
         return dot(d, d) <= s * s;
     }
-    return is_within_scaled(a, b, reach, largest >= 1.0);
+    return is_within_scaled(a, b, radii, largest >= 1.0);
 }
 
 // Tests without guards, for calls without extreme values.

@@ -19,7 +19,7 @@ struct DissociationRow {
     // 1 if products are anywhere within the unbinding radius, 0 at that distance.
     is_within: u32,
     unbinding: f32,
-    share: f32,
+    first_fraction: f32,
     products: vec2<u32>,
     radii: vec2<f32>,
     product_speeds: vec2<f32>,
@@ -80,7 +80,7 @@ fn particles_dissociate(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_wo
     let apart = select(0.0, distance, has_second) * direction_within(direction(words.z, words.w));
     atomicAdd(&control.tallies[row.tally], 1u);
     claims[at].product = row.products.x;
-    claims[at].sphere = vec4(confined(parent.xyz - row.share * apart, row.radii.x), row.radii.x);
+    claims[at].sphere = vec4(confined(parent.xyz - row.first_fraction * apart, row.radii.x), row.radii.x);
     atomicStore(&claims[at].is_taken, 1u);
     var second_velocity = vec3(0.0);
     if (params.has_velocity != 0u) {
@@ -95,7 +95,7 @@ fn particles_dissociate(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_wo
     if (has_second) {
         let slot = atomicAdd(&control.born, 1u);
         if (slot < arrayLength(&born)) {
-            let place = confined(parent.xyz + (1.0 - row.share) * apart, row.radii.y);
+            let place = confined(parent.xyz + (1.0 - row.first_fraction) * apart, row.radii.y);
             born[slot] = Born(vec4(place, row.radii.y), second_velocity, row.products.y);
             born_keys0[slot] = vec2(id, slot);
         }

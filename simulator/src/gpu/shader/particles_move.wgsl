@@ -16,7 +16,7 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let path = held_back(collided(free, at, kind), kind, tag.y);
     var here = Moved(vec4(path.after, before.w), tag.x, path.velocity, false);
     var first = FirstHit(NOTHING, hit_at(false, 0.0));
-    let near_receivers = receivers_near(kind, before.xyz, reach_of(path) + kind.bend + trajectory.max_displacement);
+    let near_receivers = receivers_near(kind, before.xyz, path_extent(path) + kind.bend + trajectory.max_displacement);
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
         let place = event_at(near_receivers, k);
         let event = event_rows[place];

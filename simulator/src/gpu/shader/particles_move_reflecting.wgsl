@@ -21,19 +21,19 @@ fn free_receptors(receptor: u32) -> u32 {
 fn reactivity_of(event: EventRow, bound: u32) -> f32 {
     var sum = 0.0;
     for (var k = event.ligands_begin; k < event.ligands_end; k++) {
-        sum += event_rows[k].own * (f32(free_receptors(event_rows[k].receptor)) + select(0.0, 1.0, k == bound));
+        sum += event_rows[k].scaled_reactivity * (f32(free_receptors(event_rows[k].receptor)) + select(0.0, 1.0, k == bound));
     }
     return sum;
 }
 
-fn chosen_ligand(event: EventRow, part: f32) -> u32 {
-    var rest = part * reactivity_of(event, NOTHING);
+fn chosen_ligand(event: EventRow, fraction: f32) -> u32 {
+    var rest = fraction * reactivity_of(event, NOTHING);
     var last = event.ligands_begin;
     for (var k = event.ligands_begin; k < event.ligands_end; k++) {
-        let own = event_rows[k].own * f32(free_receptors(event_rows[k].receptor));
-        if (own > 0.0) {
+        let reactivity = event_rows[k].scaled_reactivity * f32(free_receptors(event_rows[k].receptor));
+        if (reactivity > 0.0) {
             last = k;
-            rest -= own;
+            rest -= reactivity;
         }
         if (rest < 0.0) {
             break;
@@ -46,14 +46,14 @@ fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     if (event.kind == PER_STEP) {
         return word <= event.threshold;
     }
-    var own = event.own;
+    var reactivity = event.scaled_reactivity;
     if (event.kind == RECEPTORS) {
-        own = reactivity_of(event, NOTHING);
+        reactivity = reactivity_of(event, NOTHING);
     }
     // Radius of a sphere with the curvature of a disk or a segment.
     let flatter = select(2.0 * event.radius, FLAT, params.axes.y == FROZEN);
     let radius = select(event.radius, flatter, params.axes.z == FROZEN);
-    return unit_32(word) < adsorption_probability(surface_of(own, event.length, radius), a, b);
+    return unit_32(word) < adsorption_probability(surface_of(reactivity, event.length, radius), a, b);
 }
 
 fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank: u32) {
@@ -130,8 +130,8 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     // See surfaces.rs.
     let stays = turns.exist && is_separated(kind, path.after, reflected.after);
     var here = Moved(vec4(select(reflected.after, path.before, stays), radius), tag.x, reflected.velocity, false);
-    let reach = max(reach_of(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));
-    let near_receivers = receivers_near(kind, path.before, reach + kind.bend + trajectory.max_displacement);
+    let search_distance = max(path_extent(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));
+    let near_receivers = receivers_near(kind, path.before, search_distance + kind.bend + trajectory.max_displacement);
     var first = FirstHit(NOTHING, hit_at(false, 0.0));
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
         let place = event_at(near_receivers, k);

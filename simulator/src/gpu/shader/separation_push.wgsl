@@ -67,9 +67,9 @@ fn separation_push(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
         let words = philox(vec4(tags[pair.x].y, tags[pair.y].y, control.step, PURPOSE_PAIR), params.key);
         normal = direction_within(direction(words.z, words.w));
     }
-    let share = reaction_rows[rule].share;
-    push(pair.x, -share * overlap * normal);
-    push(pair.y, (1.0 - share) * overlap * normal);
+    let fraction = reaction_rows[rule].first_fraction;
+    push(pair.x, -fraction * overlap * normal);
+    push(pair.y, (1.0 - fraction) * overlap * normal);
     if (round.source == 0u) {
         atomicAdd(&control.contacts, 1u);
     }

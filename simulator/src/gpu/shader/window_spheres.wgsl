@@ -27,8 +27,8 @@ fn window_spheres(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     }
     let mover = movers[at];
     let place = confined_axes(mover.base + mover.offset, 0.0);
-    let reach = mover.radius + window.allowance;
-    inflated[at] = vec4(place, select(-1.0, reach + rounding(place, reach), mover.radius >= 0.0));
+    let radius = mover.radius + window.allowance;
+    inflated[at] = vec4(place, select(-1.0, radius + rounding(place, radius), mover.radius >= 0.0));
     next_events[at].happens = 1u;
     next_events[at].count = 0u;
     // Further windows of the step read the same species.

@@ -70,8 +70,8 @@ fn on_the_cpu(boundary: &Boundary, [particle, receiver]: [f32; 2], moves: bool, 
     let free_end: [f32; 3] = std::array::from_fn(|k| before[k] + (spread[k] + drift[k]));
     let end = domain.vessel.map_or(free_end, |vessel| vessel.reflect(before, free_end, &mut [0.0; 3]));
     let path = Path { before, end, after: domain.confine(end), free: free_end, drift, diffusion: particle };
-    let state = Receiver { radius: 0.25, ..Receiver::default() };
-    let mut state = ReceiverState::new(7, state, 1.0);
+    let sphere = Receiver { radius: 0.25, ..Receiver::default() };
+    let mut state = ReceiverState::new(7, sphere, 1.0);
     state.center = boundary.flattened(CENTER);
     state.displacement = boundary.flattened(MOVED.map(|c| factor * c));
     state.drift = DRIFT.map(|c| factor * c);

@@ -160,7 +160,7 @@ var<private> scene_rows: array<vec4<u32>, 6>;
             assert!(bounced > 500, "{bounced}");
             assert!(
                 others <= count / 1000,
-                "{others} of {count} ways are others, axes {axes}, {displacements:?}"
+                "{others} of {count} paths differ, axes {axes}, {displacements:?}"
             );
         }
     }

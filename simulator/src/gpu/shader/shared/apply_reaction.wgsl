@@ -14,7 +14,7 @@ fn apply_if_best(index: u32) {
 // Reactions only read positions, so a catalyst can take part in several.
 fn react(candidate: Candidate, rule: ReactionRow) {
     let first = moved[candidate.at.x].xyz;
-    let meeting = first + rule.share * minimum_image(moved[candidate.at.y].xyz - first);
+    let meeting = first + rule.first_fraction * minimum_image(moved[candidate.at.y].xyz - first);
     var apart = vec3(0.0);
     let separates = (rule.flags & 8u) != 0u;
     // Products next to a catalyst stay at their reactants.
@@ -27,7 +27,7 @@ fn react(candidate: Candidate, rule: ReactionRow) {
     }
     for (var side = 0u; side < 2u; side++) {
         if (claims_it(rule, side)) {
-            let along = f32(side) - rule.first_share;
+            let along = f32(side) - rule.first_product_fraction;
             let at = candidate.at[side];
             claims[at].product = rule.products[side];
             let place = select(meeting, moved[at].xyz, stays);

@@ -35,8 +35,8 @@ struct ReactionRow {
     unbinding: f32,
     // First reactant's fraction of the distance to the meeting point, or the first species' of a separation without
     // reactions. Then the first product's of `unbinding`.
-    share: f32,
-    first_share: f32,
+    first_fraction: f32,
+    first_product_fraction: f32,
     speeds: vec2<f32>,
     thermal_speeds: vec2<f32>,
     product_speeds: vec2<f32>,

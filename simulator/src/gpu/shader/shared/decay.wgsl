@@ -69,7 +69,7 @@ fn next_decay(kind: SpeciesRow, left: f32, word: u32) -> u32 {
     }
     let ratio = unit_32(word) / probability_within(kind.decay_rate * left);
     for (var k = kind.decays_begin; k < kind.walls_begin; k++) {
-        if (ratio < event_rows[k].share) {
+        if (ratio < event_rows[k].cumulative_fraction) {
             return k;
         }
     }

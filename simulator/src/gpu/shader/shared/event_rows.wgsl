@@ -26,7 +26,7 @@ struct SpeciesRow {
     // Bound of the distance of a path from its chord.
     bend: f32,
     // Bound of the displacement of almost all particles.
-    reach: f32,
+    search_distance: f32,
     // Index among species with lists of receivers, or NOTHING.
     cell_lists: u32,
     speed: f32,
@@ -62,10 +62,10 @@ struct EventRow {
     // sqrt(D dt) of particle and receiver together.
     length: f32,
     // Reactivity of a surface or of a free receptor: kappa sqrt(dt / D).
-    own: f32,
+    scaled_reactivity: f32,
     unbinding: f32,
     // Fraction of the decay rate up to this channel.
-    share: f32,
+    cumulative_fraction: f32,
     // Rows of receptors that bind the species, each with receptor type and tally of occupied receptors.
     ligands_begin: u32,
     ligands_end: u32,

@@ -4,11 +4,11 @@ fn field_velocity(point: vec3<f32>) -> vec3<f32> {
     let last = params.field_points - vec3(1u);
     let at = clamp((point - params.field_origin) / params.field_spacing, vec3(0.0), vec3<f32>(last));
     let first = min(vec3<u32>(at), max(last, vec3(1u)) - vec3(1u));
-    let part = at - vec3<f32>(first);
+    let fraction = at - vec3<f32>(first);
     var sum = vec3(0.0);
     for (var corner = 0u; corner < 8u; corner++) {
         let upper = (vec3(corner) >> vec3(0u, 1u, 2u)) & vec3(1u);
-        let weight = select(1.0 - part, part, upper == vec3(1u));
+        let weight = select(1.0 - fraction, fraction, upper == vec3(1u));
         let p = min(first + upper, last);
         let index = (p.x * params.field_points.y + p.y) * params.field_points.z + p.z;
         let velocity = bitcast<vec3<f32>>(scene_rows[params.field_at + index].xyz);

@@ -4,7 +4,7 @@ struct Hit {
     is_hit: bool,
     // The segment, in fractions of the step. Without a duration, the hit is at its beginning.
     begin: f32,
-    part: f32,
+    fraction: f32,
     // Unit: sqrt(2 D dt) of the segment.
     heights: vec2<f32>,
 }
@@ -22,9 +22,9 @@ fn hit_between(heights: vec2<f32>, diffusion: f32) -> Hit {
 }
 
 fn time_of(hit: Hit, receiver: u32, id: u32) -> f32 {
-    if (hit.part == 0.0) {
+    if (hit.fraction == 0.0) {
         return hit.begin;
     }
     let words = philox(vec4(id, receiver, control.step, PURPOSE_HIT_TIME), params.key);
-    return hit.begin + hit.part * first_passage(hit.heights, normals(words).x, open_unit(words.z));
+    return hit.begin + hit.fraction * first_passage(hit.heights, normals(words).x, open_unit(words.z));
 }

@@ -25,7 +25,7 @@ struct Ray {
 }
 
 struct Crossing {
-    part: f32,
+    fraction: f32,
     normal: vec3<f32>,
     index: u32,
     is_wall: bool,
@@ -59,7 +59,7 @@ fn is_across_sphere(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool {
     return false;
 }
 
-// Returns the part of a displacement that reaches a surface, or a number above 1.
+// Returns the fraction of a displacement that reaches a surface, or a number above 1.
 fn time_to_surface(radius: f32, is_within: bool, start: vec3<f32>, displacement: vec3<f32>) -> f32 {
     let a = dot(displacement, displacement);
     let b = dot(start, displacement);
@@ -90,9 +90,9 @@ fn next_wall(ray: Ray, radius: f32) -> Crossing {
             continue;
         }
         let wall = select(params.high[axis] - radius, params.low[axis] + radius, along < 0.0);
-        let part = max((wall - ray.at[axis]) / along, 0.0);
-        if (part < next.part) {
-            next = Crossing(part, vec3(wall), axis, true);
+        let fraction = max((wall - ray.at[axis]) / along, 0.0);
+        if (fraction < next.fraction) {
+            next = Crossing(fraction, vec3(wall), axis, true);
         }
     }
     return next;
@@ -112,9 +112,9 @@ fn next_crossing(ray: Ray, kind: SpeciesRow) -> Crossing {
             if (image > 0u && (is_inside(k) || any((shift > vec3(0.0)) & (periods == vec3(0.0))))) {
                 continue;
             }
-            let part = time_to_surface(sphere.radius, is_inside(k), start, ray.displacement);
-            if (part < next.part) {
-                next = Crossing(part, normalize(start + part * ray.displacement), k, false);
+            let fraction = time_to_surface(sphere.radius, is_inside(k), start, ray.displacement);
+            if (fraction < next.fraction) {
+                next = Crossing(fraction, normalize(start + fraction * ray.displacement), k, false);
             }
         }
     }
@@ -164,17 +164,17 @@ fn end_of(ray: Ray, start: Path, kind: SpeciesRow) -> Path {
 
 // Sets `inside`.
 fn may_reach_sphere(kind: SpeciesRow, path: Path) -> bool {
-    let reach = length(path.free_end - path.before) * (1.0 + 1e-6);
+    let path_length = length(path.free_end - path.before) * (1.0 + 1e-6);
     var is_near = false;
     inside = array<u32, 4>();
     for (var k = 0u; k < kind.membrane_spheres.y; k++) {
         let height = height_above(membrane_sphere(kind, k), path.before);
-        is_near = is_near || abs(height) <= reach;
+        is_near = is_near || abs(height) <= path_length;
         if (height < 0.0) {
             inside[k / 32u] |= 1u << (k % 32u);
         }
     }
-    return is_near && reach > 0.0;
+    return is_near && path_length > 0.0;
 }
 
 fn hold_back_by_spheres(path: Path, kind: SpeciesRow, id: u32) -> Path {
@@ -182,11 +182,11 @@ fn hold_back_by_spheres(path: Path, kind: SpeciesRow, id: u32) -> Path {
     let segment = length(ray.displacement);
     for (var event = 0u; event < MEMBRANE_EVENTS; event++) {
         let next = next_crossing(ray, kind);
-        ray.at += next.part * ray.displacement;
+        ray.at += next.fraction * ray.displacement;
         if (next.index == NOTHING) {
             return end_of(ray, path, kind);
         }
-        ray.displacement *= 1.0 - next.part;
+        ray.displacement *= 1.0 - next.fraction;
         if (next.is_wall) {
             ray.walls = with_component(ray.walls, next.index, next.normal.x);
             ray.mirrors = with_component(ray.mirrors, next.index, 1.0);

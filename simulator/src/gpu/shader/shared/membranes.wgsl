@@ -10,7 +10,7 @@ struct MembranePlane {
     axis: u32,
     membrane: u32,
     // Parts of a step; see gaps.rs.
-    parts: u32,
+    substeps: u32,
 }
 
 // Rows of the next planes at or below a coordinate and above it, or NOTHING.
@@ -21,8 +21,8 @@ struct Slab {
 
 fn membrane_plane(k: u32) -> MembranePlane {
     let row = scene_rows[k];
-    let parts = (row.w >> 2u) & 511u;
-    return MembranePlane(bitcast<f32>(row.x), bitcast<f32>(row.y), bitcast<f32>(row.z), row.w & 3u, row.w >> 11u, parts);
+    let substeps = (row.w >> 2u) & 511u;
+    return MembranePlane(bitcast<f32>(row.x), bitcast<f32>(row.y), bitcast<f32>(row.z), row.w & 3u, row.w >> 11u, substeps);
 }
 
 fn slab_around(kind: SpeciesRow, axis: u32, x: f32) -> Slab {
@@ -80,15 +80,15 @@ struct HeldEnd {
     confined: f32,
 }
 
-// Returns the end of a part with the standard deviation `spread`.
-fn part_end(kind: SpeciesRow, axis: u32, ends: vec2<f32>, spread: f32, id: u32, part: u32) -> HeldEnd {
+// Returns the end of a substep with the standard deviation `spread`.
+fn substep_end(kind: SpeciesRow, axis: u32, ends: vec2<f32>, spread: f32, id: u32, substep: u32) -> HeldEnd {
     var end = ends.y;
     var slab = slab_around(kind, axis, ends.x);
     let nearer = nearer_plane(slab, ends);
     let plane = membrane_plane(nearer);
     let sign = select(-1.0, 1.0, nearer == slab.low);
     let heights = sign * (ends - plane.position);
-    let words = philox(vec4(id, plane.membrane, control.step, PURPOSE_MEMBRANE | (part << 8u)), params.key);
+    let words = philox(vec4(id, plane.membrane, control.step, PURPOSE_MEMBRANE | (substep << 8u)), params.key);
     let lowest = lowest_point(heights, spread, words.x);
     if (lowest < 0.0) {
         let passes = unit_32(words.y) < 0.5 * one_minus_exp(-plane.rate * lowest);
@@ -114,22 +114,22 @@ fn is_clear_of_planes(kind: SpeciesRow, axis: u32, ends: vec2<f32>) -> bool {
     return true;
 }
 
-// Takes the parts of a Brownian bridge; see gaps.rs.
-fn held_end(kind: SpeciesRow, axis: u32, ends: vec2<f32>, parts: u32, id: u32) -> HeldEnd {
-    if (parts == 1u || is_clear_of_planes(kind, axis, ends)) {
-        return part_end(kind, axis, ends, kind.length, id, 0u);
+// Takes the substeps of a Brownian bridge; see gaps.rs.
+fn held_end(kind: SpeciesRow, axis: u32, ends: vec2<f32>, substeps: u32, id: u32) -> HeldEnd {
+    if (substeps == 1u || is_clear_of_planes(kind, axis, ends)) {
+        return substep_end(kind, axis, ends, kind.length, id, 0u);
     }
-    let spread = kind.length / sqrt(f32(parts));
+    let spread = kind.length / sqrt(f32(substeps));
     var whole = HeldEnd(ends.x, ends.x);
     var sign = 1.0;
     var rest = ends.y - ends.x;
-    for (var part = 0u; part < parts; part++) {
-        let left = f32(parts - part);
-        let words = philox(vec4(id, 0xffffffffu - axis, control.step, PURPOSE_MEMBRANE | (part << 8u)), params.key);
+    for (var substep = 0u; substep < substeps; substep++) {
+        let left = f32(substeps - substep);
+        let words = philox(vec4(id, 0xffffffffu - axis, control.step, PURPOSE_MEMBRANE | (substep << 8u)), params.key);
         let displacement = rest / left + spread * sqrt(1.0 - 1.0 / left) * normals(words).x;
         rest -= displacement;
         let at = whole.confined;
-        let held = part_end(kind, axis, vec2(at, at + displacement), spread, id, part);
+        let held = substep_end(kind, axis, vec2(at, at + displacement), spread, id, substep);
         whole = HeldEnd(whole.free + sign * (held.free - at), held.confined);
         sign = select(sign, -sign, reversed_axes(vec3(held.free), kind.radius)[axis]);
     }
@@ -143,7 +143,7 @@ fn hold_back_by_planes(start: Path, kind: SpeciesRow, axis: u32, id: u32) -> Pat
     if (nearer == NOTHING) {
         return path;
     }
-    let held = held_end(kind, axis, ends, membrane_plane(nearer).parts, id);
+    let held = held_end(kind, axis, ends, membrane_plane(nearer).substeps, id);
     path.free_end = with_component(path.free_end, axis, held.free);
     path.end = with_component(path.end, axis, held.free);
     path.after = with_component(path.after, axis, held.confined);

@@ -17,35 +17,35 @@ fn power_of_half(k: u32) -> f32 {
     return bitcast<f32>((127u - k) << 23u);
 }
 
-// A path, or its piece between two corners at the side of a vessel.
-struct PathPiece {
+// A path, or its segment between two corners at the side of a vessel.
+struct PathSegment {
     start: vec3<f32>,
     end: vec3<f32>,
     begin: f32,
-    part: f32,
+    fraction: f32,
     // Added to numbers of segments in draws.
     first: u32,
 }
 
 // `lengths` are the drift, sqrt(2 D dt), and the particle's radius.
-fn piece_hit(event: EventRow, receiver: ReceiverRow, piece: PathPiece, lengths: vec3<f32>, id: u32) -> Hit {
+fn segment_hit(event: EventRow, receiver: ReceiverRow, segment: PathSegment, lengths: vec3<f32>, id: u32) -> Hit {
     var ends: array<vec3<f32>, LEVELS + 1u>;
-    ends[0] = piece.end;
-    var start = piece.start;
+    ends[0] = segment.end;
+    var start = segment.start;
     var number = 1u;
     var level = 0u;
     for (var k = 0u; k < SEGMENTS; k++) {
         let to = ends[level];
-        let own = power_of_half(level);
-        let part = piece.part * own;
-        let begin = piece.begin + f32(number - (1u << level)) * part;
+        let fraction_of_segment = power_of_half(level);
+        let fraction = segment.fraction * fraction_of_segment;
+        let begin = segment.begin + f32(number - (1u << level)) * fraction;
         let spread = lengths.y * power_of_half(level / 2u) * select(1.0, 0.70710677, (level & 1u) != 0u);
         let middle = start + 0.5 * (to - start);
-        let half = 0.5 * length(to - start - part * receiver.displacement);
-        let center = receiver.center + (begin + 0.5 * part) * receiver.displacement;
+        let half = 0.5 * length(to - start - fraction * receiver.displacement);
+        let center = receiver.center + (begin + 0.5 * fraction) * receiver.displacement;
         let is_near = signed_distance(event.radius, center, confined(middle, lengths.z)) <= half + BEND * spread;
-        if (is_near && number < LAST && is_long(own * lengths.x, spread, event.radius)) {
-            let words = philox(vec4(id, piece.first + number, control.step, PURPOSE_PATH), params.key);
+        if (is_near && number < LAST && is_long(fraction_of_segment * lengths.x, spread, event.radius)) {
+            let words = philox(vec4(id, segment.first + number, control.step, PURPOSE_PATH), params.key);
             level++;
             number *= 2u;
             ends[level] = middle + 0.5 * spread * flattened(normals(words));
@@ -54,10 +54,10 @@ fn piece_hit(event: EventRow, receiver: ReceiverRow, piece: PathPiece, lengths: 
         if (is_near) {
             let confined_ends = mat2x3(confined(start, lengths.z), confined(to, lengths.z));
             let first = receiver.center + begin * receiver.displacement;
-            let last = receiver.center + (begin + part) * receiver.displacement;
+            let last = receiver.center + (begin + fraction) * receiver.displacement;
             let heights = heights_between(event.radius, mat2x3(first, last), confined_ends);
-            if (hits_sphere(event, heights, 0.5 * spread * spread, id, piece.first + number - 1u)) {
-                return Hit(true, begin, part, heights / spread);
+            if (hits_sphere(event, heights, 0.5 * spread * spread, id, segment.first + number - 1u)) {
+                return Hit(true, begin, fraction, heights / spread);
             }
         }
         start = to;
@@ -77,7 +77,7 @@ fn piece_hit(event: EventRow, receiver: ReceiverRow, piece: PathPiece, lengths: 
 fn bridge_hit(event: EventRow, receiver: ReceiverRow, path: Path, lengths: vec3<f32>, id: u32) -> Hit {
     let inset = params.vessel_radius - lengths.z;
     if (!turns_at_side(path, path.free_end, inset)) {
-        return piece_hit(event, receiver, PathPiece(path.before, path.end, 0.0, 1.0, 0u), lengths, id);
+        return segment_hit(event, receiver, PathSegment(path.before, path.end, 0.0, 1.0, 0u), lengths, id);
     }
     let whole = path.end - path.before;
     let along = whole - across(whole);
@@ -87,15 +87,15 @@ fn bridge_hit(event: EventRow, receiver: ReceiverRow, path: Path, lengths: vec3<
     for (var k = 0u; k <= VESSEL_REFLECTIONS; k++) {
         let rest = 1.0 - begin;
         let time = min(time_to_side(across_vessel(start), displacement, inset), 1.0);
-        let part = time * rest;
+        let fraction = time * rest;
         let end = start + time * (displacement + rest * along);
-        let own = vec3(part * lengths.x, sqrt(part) * lengths.y, lengths.z);
-        let hit = piece_hit(event, receiver, PathPiece(start, end, begin, part, k * 2u * LAST), own, id);
+        let segment_lengths = vec3(fraction * lengths.x, sqrt(fraction) * lengths.y, lengths.z);
+        let hit = segment_hit(event, receiver, PathSegment(start, end, begin, fraction, k * 2u * LAST), segment_lengths, id);
         if (hit.is_hit || time >= 1.0) {
             return hit;
         }
         start = end;
-        begin += part;
+        begin += fraction;
         let normal = across_vessel(start) / inset;
         displacement *= 1.0 - time;
         displacement -= 2.0 * dot(displacement, normal) * normal;

@@ -1,8 +1,8 @@
 // Paths without diffusion past receivers: lines that walls reflect. See path_hit.rs.
 
-// Maximum pieces of a line, between walls and changes of the receiver's nearest image; steps with more are far too
+// Maximum segments of a line, between walls and changes of the receiver's nearest image; steps with more are far too
 // long.
-const PIECES: u32 = 3000u;
+const LINE_SEGMENTS: u32 = 3000u;
 // Larger relative differences of two ends are not due to rounding.
 const TURNED: f32 = 1e-5;
 
@@ -10,7 +10,7 @@ struct Line {
     start: vec3<f32>,
     displacement: vec3<f32>,
     begin: f32,
-    part: f32,
+    fraction: f32,
 }
 
 // The next plane of each axis that cuts a line, in periods. Axes without cuts have no speed.
@@ -42,26 +42,26 @@ fn cut_times(cuts: Cuts) -> vec3<f32> {
 
 // Returns a fraction of the step; above 1 without an entry.
 fn line_entry(event: EventRow, receiver: ReceiverRow, line: Line, radius: f32) -> f32 {
-    let moved = line.part * receiver.displacement;
+    let moved = line.fraction * receiver.displacement;
     let center = receiver.center + line.begin * receiver.displacement;
     var cuts = first_cuts(line, center, moved, radius);
     var time = 0.0;
-    for (var k = 0u; k < PIECES; k++) {
+    for (var k = 0u; k < LINE_SEGMENTS; k++) {
         let times = cut_times(cuts);
         let next = min(times.x, min(times.y, times.z));
         let until = clamp(next, time, 1.0);
         let middle = 0.5 * (time + until);
-        let part = until - time;
+        let cut_fraction = until - time;
         let point = line.start + middle * line.displacement;
-        let own = part * select(line.displacement, -line.displacement, reversed_axes(point, radius));
-        let relative = own - part * moved;
+        let cut_displacement = cut_fraction * select(line.displacement, -line.displacement, reversed_axes(point, radius));
+        let relative = cut_displacement - cut_fraction * moved;
         let at = minimum_image(confined(point, radius) - (center + middle * moved)) - 0.5 * relative;
         if (dot(at, at) <= event.radius * event.radius) {
-            return line.begin + line.part * time;
+            return line.begin + line.fraction * time;
         }
         let entry = entry_time(at, relative, event.radius);
         if (entry <= 1.0) {
-            return line.begin + line.part * (time + part * entry);
+            return line.begin + line.fraction * (time + cut_fraction * entry);
         }
         if (next >= 1.0) {
             break;
@@ -72,7 +72,7 @@ fn line_entry(event: EventRow, receiver: ReceiverRow, line: Line, radius: f32) -
     return 2.0;
 }
 
-// Returns a part of the displacement; above 1 without a reflection.
+// Returns a fraction of the displacement; above 1 without a reflection.
 fn time_to_side(at: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     let distance = length(at);
     let a = dot(displacement, displacement);
@@ -122,7 +122,7 @@ fn line_time(event: EventRow, receiver: ReceiverRow, path: Path, radius: f32) ->
             break;
         }
         start += line.displacement;
-        begin += line.part;
+        begin += line.fraction;
         let normal = across_vessel(start) / inset;
         displacement *= 1.0 - time;
         displacement -= 2.0 * dot(displacement, normal) * normal;

@@ -10,11 +10,11 @@ fn list_word(k: u32) -> u32 {
     return scene_rows[trajectory.cells_at + k / 4u][k % 4u];
 }
 
-// May return receivers farther away than `reach`.
-fn receivers_near(kind: SpeciesRow, point: vec3<f32>, reach: f32) -> NearbyReceivers {
+// May return receivers farther away than `distance`.
+fn receivers_near(kind: SpeciesRow, point: vec3<f32>, distance: f32) -> NearbyReceivers {
     let every = NearbyReceivers(kind.events_begin, kind.decays_begin, false);
     let cells = trajectory.cells;
-    if (kind.cell_lists == NOTHING || cells.counts.x == 0u || !(reach <= kind.reach + 3.0 * trajectory.max_displacement)) {
+    if (kind.cell_lists == NOTHING || cells.counts.x == 0u || !(distance <= kind.search_distance + 3.0 * trajectory.max_displacement)) {
         return every;
     }
     let at = floor((point - cells.low) * cells.cells_per_length);
@@ -39,7 +39,7 @@ fn event_at(near_receivers: NearbyReceivers, k: u32) -> u32 {
 }
 
 // Bounds the distance of ends, and of a line that a vessel reflects, from the beginning.
-fn reach_of(path: Path) -> f32 {
+fn path_extent(path: Path) -> f32 {
     let ends = max(length(path.end - path.before), length(minimum_image(path.after - path.before)));
     let line = select(path.free_end - path.before, path.drift, params.vessel_axis == NO_VESSEL);
     return max(ends, max(length(line), length(path.drift)));

@@ -34,9 +34,9 @@ var<private> near_count: u32;
 // The path left the region of the listed spheres after all searches.
 var<private> left_region: bool;
 
-fn add_obstacle(obstacle: Obstacle, reach: f32) {
+fn add_obstacle(obstacle: Obstacle, search_distance: f32) {
     let distance = length(obstacle.offset);
-    if (distance > obstacle.radius + reach + 4e-6 * (distance + obstacle.radius)) {
+    if (distance > obstacle.radius + search_distance + 4e-6 * (distance + obstacle.radius)) {
         return;
     }
     if (near_count < NEAR) {
@@ -45,11 +45,11 @@ fn add_obstacle(obstacle: Obstacle, reach: f32) {
     near_count++;
 }
 
-// Lists the spheres within `reach` of the path's beginning that do not contain it. In periodic space, the image nearest
+// Lists the spheres within `search_distance` of the path's beginning that do not contain it. In periodic space, the image nearest
 // to the path's end is another obstacle.
-fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach: f32) {
+fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, search_distance: f32) {
     near_count = 0u;
-    let near_receivers = receivers_near(kind, path.before, reach);
+    let near_receivers = receivers_near(kind, path.before, search_distance);
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
         let event = event_rows[event_at(near_receivers, k)];
         if (event.kind < REFLECTING) {
@@ -60,11 +60,11 @@ fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach:
             continue;
         }
         let offset = minimum_image(path.before - receiver.center);
-        add_obstacle(Obstacle(offset, event.radius, receiver.displacement, event.drift, event.receiver), reach);
+        add_obstacle(Obstacle(offset, event.radius, receiver.displacement, event.drift, event.receiver), search_distance);
         let relative = displacement - receiver.displacement;
         let other = minimum_image(path.before - receiver.center + relative) - relative;
         if (any(abs(other - offset) > vec3(event.radius))) {
-            add_obstacle(Obstacle(other, event.radius, receiver.displacement, event.drift, event.receiver), reach);
+            add_obstacle(Obstacle(other, event.radius, receiver.displacement, event.drift, event.receiver), search_distance);
         }
     }
 }
@@ -159,11 +159,11 @@ fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
     left_region = true;
     for (var query = 0u; query < params.max_requeries; query++) {
         // An approaching sphere accelerates the particle by at most twice its own speed.
-        let reach = ROUNDING_FACTOR * found.length + 3.0 * trajectory.max_displacement;
-        search_surfaces(kind, path, displacement, reach);
+        let search_distance = ROUNDING_FACTOR * found.length + 3.0 * trajectory.max_displacement;
+        search_surfaces(kind, path, displacement, search_distance);
         found = follow(displacement, path.velocity * params.time_step, min(near_count, NEAR));
         // A moving sphere may push the particle beyond the searched region.
-        if (trajectory.max_displacement == 0.0 || found.length + trajectory.max_displacement <= reach) {
+        if (trajectory.max_displacement == 0.0 || found.length + trajectory.max_displacement <= search_distance) {
             left_region = false;
             break;
         }

@@ -3,9 +3,9 @@
 // Returns 1 minus the cosine of the angle.
 fn gap_of(concentration: f32, word: u32) -> f32 {
     let rest = unit_32(~word);
-    let part = rest * one_minus_exp(2.0 * concentration);
-    var gap = minus_ln_of_rest(part);
-    if (part > 0.1) {
+    let fraction = rest * one_minus_exp(2.0 * concentration);
+    var gap = minus_ln_of_rest(fraction);
+    if (fraction > 0.1) {
         gap = -ln(unit_32(word) + rest * exp(-2.0 * concentration));
     }
     return clamp(gap / concentration, 0.0, 2.0);
