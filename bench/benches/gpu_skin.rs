@@ -87,7 +87,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .into_iter()
         .chain(skins)
         .collect();
-    println!("Nanoseconds per sphere and step, and as a part of a search at every step\n");
+    println!("Nanoseconds per sphere and step, and as a fraction of a search at every step\n");
     println!("{}", markdown(&head.iter().map(String::as_str).collect::<Vec<_>>(), &rows));
     Ok(())
 }

@@ -170,8 +170,8 @@ fn run_out_of_memory() {
     let pages: u64 = statm.split(' ').next().and_then(|word| word.parse().ok()).expect("pages");
     let (id, limit) = (std::process::id().to_string(), pages * 4096 + (100 << 20));
     let allow = |bytes: &str| {
-        let output = Command::new("prlimit").args(["--pid", &id, &format!("--as={bytes}:")]).status();
-        assert!(output.expect("prlimit runs").success());
+        let status = Command::new("prlimit").args(["--pid", &id, &format!("--as={bytes}:")]).status();
+        assert!(status.expect("prlimit runs").success());
     };
     allow(&limit.to_string());
     let refused = detector.count(&many);

@@ -23,11 +23,11 @@ fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64;
         let mut center = [0.0; 3];
         for (axis, vector) in vectors.iter().enumerate() {
             let vector = vector.unwrap_or([0, 1, 2].map(|other| if other == axis { 3.0 } else { 0.0 }));
-            let mut fraction = 2.0 * random(state) - 0.5;
+            let mut coordinate = 2.0 * random(state) - 0.5;
             if k.is_multiple_of(3) {
-                fraction = (4.0 * fraction).round() / 4.0;
+                coordinate = (4.0 * coordinate).round() / 4.0;
             }
-            (0..3).for_each(|axis| center[axis] += fraction * vector[axis]);
+            (0..3).for_each(|axis| center[axis] += coordinate * vector[axis]);
         }
         let [x, y, z] = center;
         [x, y, z, radius * [1.0, 0.7, 0.2, 0.0][k % 4]]

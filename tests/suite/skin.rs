@@ -17,12 +17,12 @@ fn variants_with_candidates() -> Vec<DetectorVariant> {
 
 fn matches_oracle_while_moving(
     scenario: &TestInput,
-    fraction: f32,
+    skin_in_radii: f32,
     moves: f32,
     variant: DetectorVariant,
 ) -> Result<(), String> {
     let mut scenario = scenario.clone();
-    let skin = skin_of(&scenario.spheres, fraction);
+    let skin = skin_of(&scenario.spheres, skin_in_radii);
     let order = if variant.threads() == 1 { Order::Unordered } else { Order::Canonical };
     let config = variant.settings().order(order).skin(skin);
     let config = scenario.config(config).map_err(|error| error.to_string())?;
@@ -44,7 +44,7 @@ fn matches_oracle_while_moving(
     })
 }
 
-fn fractions() -> impl Strategy<Value = f32> {
+fn skins_in_radii() -> impl Strategy<Value = f32> {
     select(vec![0.0, 1e-6, 0.01, 0.3, 2.0, 1e3])
 }
 
@@ -58,9 +58,9 @@ fn arbitrary_spheres() {
         2 => hard::any_spheres().prop_map(TestInput::from),
         1 => hard::mixture(hard::any_spheres()),
     ];
-    let cases = (scenarios, fractions(), moves(), select(variants_with_candidates()));
-    check(200, cases, |(scenario, fraction, moves, variant)| {
-        matches_oracle_while_moving(&scenario, fraction, moves, variant)
+    let cases = (scenarios, skins_in_radii(), moves(), select(variants_with_candidates()));
+    check(200, cases, |(scenario, skin_in_radii, moves, variant)| {
+        matches_oracle_while_moving(&scenario, skin_in_radii, moves, variant)
     });
 }
 
@@ -73,9 +73,9 @@ fn arbitrary_spheres_in_periodic_boxes() {
         periodic::giant(),
         periodic::mixture(),
     ];
-    let cases = (scenarios, fractions(), moves(), select(variants_with_candidates()));
-    check(200, cases, |(scenario, fraction, moves, variant)| {
-        matches_oracle_while_moving(&scenario, fraction, moves, variant)
+    let cases = (scenarios, skins_in_radii(), moves(), select(variants_with_candidates()));
+    check(200, cases, |(scenario, skin_in_radii, moves, variant)| {
+        matches_oracle_while_moving(&scenario, skin_in_radii, moves, variant)
     });
 }
 

@@ -104,8 +104,8 @@ impl<'a> Comparison<'a> {
             self.began.get_or_insert_with(Instant::now);
         }
         let (runs, limits, is_late) = (self.runs.len(), self.limits, self.is_late());
-        for contender in random_order(runs, self.frames as u64) {
-            let run = &mut self.runs[contender];
+        for index in random_order(runs, self.frames as u64) {
+            let run = &mut self.runs[index];
             run.last = None;
             if warm_up || !run.is_done(limits, is_late) {
                 run.wake(self.point, spheres);

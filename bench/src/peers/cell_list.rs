@@ -49,7 +49,7 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let mut tunings = vec![];
     for &class in classes {
         for cell_ratio in [0.51, 0.75, 1.01, 1.25, 1.5, 2.0, 2.5] {
-            let name = format!("plain cell list, edge {cell_ratio}, class {class}");
+            let name = format!("plain cell list, cell ratio {cell_ratio}, class {class}");
             tunings.push(with(name, Tuning { cell_ratio, class }));
         }
     }

@@ -25,7 +25,7 @@ pub(crate) fn cell_list_configure(gpu: &GpuDevice) -> Result<(), KernelError> {
             new.dispatch_z = 1;
         });
         same(|| what("outcome"), outcome, &initial_outcome)?;
-        same(|| what("survey is empty"), &(chosen.stats == InputStats::zeroed()), &true)?;
+        same(|| what("statistics are cleared"), &(chosen.stats == InputStats::zeroed()), &true)?;
         same(|| what("spheres"), &list.spheres, &case.spheres)?;
         let ordinary = bad < case.spheres;
         same(|| what("ordinary"), &(list.ordinary != 0), &ordinary)?;
@@ -110,9 +110,9 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     same(|| what("cells in all"), &list.cells, &base)?;
     same(|| what("cells fit the capacity"), &(list.cells <= CELL_CAPACITY && list.levels & 1 == 1), &true)?;
     let valid = || (0..scenario.spheres.len()).filter(|&id| chosen.may_pair(id));
-    let listed = valid().filter(|&id| chosen.own_level(id) == LEVEL_WITHOUT_CELLS).count();
-    let is_few = listed <= 8 || valid().count() == listed;
-    same(|| what("few spheres are listed"), &is_few, &true)?;
+    let without_cells = valid().filter(|&id| chosen.own_level(id) == LEVEL_WITHOUT_CELLS).count();
+    let is_few = without_cells <= 8 || valid().count() == without_cells;
+    same(|| what("few spheres have no cells"), &is_few, &true)?;
     levels_are_those_of_their_spheres(chosen, case)
 }
 
@@ -126,15 +126,15 @@ fn levels_are_those_of_their_spheres(
     let fits = |radius: f32, depth: i32| radius <= list.level[0].max_radius * (-depth as f32).exp2();
     let depth_of =
         |radius: f32| (1..CellListLayout::DEPTHS as i32).take_while(|&depth| fits(radius, depth)).count();
-    let unlisted = (0..scenario.spheres.len())
+    let with_cells = (0..scenario.spheres.len())
         .filter(|&id| chosen.may_pair(id) && chosen.own_level(id) != LEVEL_WITHOUT_CELLS);
-    let unlisted: Vec<(usize, f32)> =
-        unlisted.map(|id| (division.side(id, scenario.spheres.len()), chosen.radius(id))).collect();
-    let mut depths: Vec<usize> = unlisted.iter().map(|&(_, radius)| depth_of(radius)).chain([0]).collect();
+    let with_cells: Vec<(usize, f32)> =
+        with_cells.map(|id| (division.side(id, scenario.spheres.len()), chosen.radius(id))).collect();
+    let mut depths: Vec<usize> = with_cells.iter().map(|&(_, radius)| depth_of(radius)).chain([0]).collect();
     depths.sort_unstable();
     depths.dedup();
     let level_of_depth = |number: usize| number * per_side / depths.len().max(per_side);
-    for &(side, radius) in &unlisted {
+    for &(side, radius) in &with_cells {
         let number = depths.partition_point(|&depth| depth < depth_of(radius));
         let level = level_of_depth(number);
         let what = || format!("level of {radius} on side {side}, {case:?}");
@@ -264,7 +264,7 @@ pub(crate) fn cells_count(gpu: &GpuDevice) -> Result<(), KernelError> {
         found.sort_unstable();
         let expected_ranks =
             (0_u32..).zip(&counts).flat_map(|(cell, &count)| (0..count).map(move |at| [cell, at]));
-        same(|| what("places"), &found, &expected_ranks.collect())?;
+        same(|| what("ranks in cells"), &found, &expected_ranks.collect())?;
         let max_occupancy = call.read_one::<Outcome>("outcome")?.max_occupancy;
         if list.has_overfull_cells == 1 {
             ConfiguredCellList::agrees(

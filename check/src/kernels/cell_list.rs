@@ -94,7 +94,7 @@ pub(crate) fn cell_list_setup_small(gpu: &GpuDevice) -> Result<(), KernelError> 
             run_setup(new_call()?, variant, &[(&k::STATS_REDUCE, 3), (&k::CELL_LIST_CONFIGURE, 1)])?;
         let found = run_setup(new_call()?, variant, &[(&k::CELL_LIST_SETUP_SMALL, 1)])?;
         let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}, {division:?}");
-        same(|| case("survey is empty"), &found.has_cleared_stats, &true)?;
+        same(|| case("statistics are cleared"), &found.has_cleared_stats, &true)?;
         same(|| case("the list"), &found.list, &expected.list)?;
         let counts = |result: &SetupResult| (result.outcome.clone(), result.lengths.clone());
         same(|| case("outcome and lengths"), &counts(&found), &counts(&expected))?;
@@ -177,7 +177,7 @@ pub(crate) fn cell_starts_find(gpu: &GpuDevice) -> Result<(), KernelError> {
         };
         let counters = list.cells + 2;
         let expected: Vec<u32> =
-            (0..counters).map(|cell| sorted.partition_point(|&gpu| gpu < cell) as u32).collect();
+            (0..counters).map(|cell| sorted.partition_point(|&other| other < cell) as u32).collect();
         let call = KernelCall::new(gpu)
             .with_layout("cell_list", &list)?
             .with("cells", &sorted)?

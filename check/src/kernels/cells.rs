@@ -245,13 +245,13 @@ impl ConfiguredCellList {
     }
 
     /// Returns the cell, and the occupancy of an overfull cell that the sphere left, or 0.
-    fn assigned_cell(&self, id: usize, occupancy: &[u32], fused: bool) -> (u32, u32) {
+    fn assigned_cell(&self, id: usize, occupancies: &[u32], fused: bool) -> (u32, u32) {
         let (list, space, sphere) = (&self.list, self.scenario.space, &self.scenario.spheres[id]);
         let Some(coarsest) = self.coarsest(id, fused) else {
             return (list.cells + u32::from(!self.may_pair(id)), 0);
         };
         let level = self.own_level(id);
-        let occupancy = occupancy[coarsest as usize % occupancy.len()];
+        let occupancy = occupancies[coarsest as usize % occupancies.len()];
         match level != 0 && list.has_overfull_cells != 0 && occupancy > self.call.tau {
             true => (
                 cell(list, space, self.wrapped_center(sphere), self.first_level(id) + level, fused),

@@ -23,7 +23,7 @@ impl<'a> DeferredSearch<'a> {
         order.sort_by_key(|&id| assigned_cells[id as usize]);
         let cells: Vec<u32> = order.iter().map(|&id| assigned_cells[id as usize]).collect();
         let starts: Vec<u32> =
-            (0..list.cells + 3).map(|cell| cells.partition_point(|&gpu| gpu < cell) as u32).collect();
+            (0..list.cells + 3).map(|cell| cells.partition_point(|&other| other < cell) as u32).collect();
         let image = |&id: &u32| {
             let Sphere { center, radius } = scenario.spheres[id as usize];
             Sphere::new(scenario.space.wrap(center), radius)

@@ -1,13 +1,13 @@
 use lazygrid::{Skin, Sphere};
 
-/// Returns a skin of `fraction` times the first nonzero radius, clamped to 10⁻¹⁴ to 10¹⁷, or [`Skin::Auto`] if
+/// Returns a skin of `skin_in_radii` times the first nonzero radius, clamped to 10⁻¹⁴ to 10¹⁷, or [`Skin::Auto`] if
 /// the product is 0. Without such a radius, uses the first nonzero distance of consecutive spheres, or 1.
-pub fn skin_of(spheres: &[Sphere], fraction: f32) -> Skin {
+pub fn skin_of(spheres: &[Sphere], skin_in_radii: f32) -> Skin {
     let radius = spheres.iter().map(|sphere| sphere.radius).find(|&radius| radius > 0.0);
     let apart = |two: &[Sphere]| two[0].center.distance(two[1].center);
     let distance = spheres.windows(2).map(apart).find(|&distance| distance > 0.0);
     // `f32` may not hold the distance.
-    match fraction * radius.or(distance).unwrap_or(1.0).min(f32::MAX) {
+    match skin_in_radii * radius.or(distance).unwrap_or(1.0).min(f32::MAX) {
         0.0 => Skin::Auto,
         distance => Skin::Fixed(distance.clamp(1e-14, 1e17).into()),
     }

@@ -114,7 +114,7 @@ fn displacement_beyond_the_limit_rebuilds_the_list() {
         for (displacement, rebuilt) in [(0.0, SkinState::NO_LIST), (0.503 * skin, SkinState::DISPLACEMENT)] {
             let x = radius + 0.502 * skin - displacement;
             let spheres = [-x, x].map(|x| Sphere::new([x, 0.0, 0.0], radius));
-            let case = format!("{radius}, {skin}, gone {displacement}");
+            let case = format!("{radius}, {skin}, moved {displacement}");
             let state = verify(&gpu, &mut detector, &TestInput::from(spheres.to_vec()), &case);
             assert_eq!(state.rebuild_reason, rebuilt, "{case}: {state:?}");
         }

@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_of_the_sample_are_even() {
+    fn domains_have_equally_many_samples() {
         let lattice: Vec<_> =
             (0..1000).map(|k| Vec3::new((k % 10) as f32, (k / 10 % 10) as f32, 0.0)).collect();
         let point = vec![Vec3::splat(7.0); 1000];
@@ -146,8 +146,8 @@ mod tests {
             for domains in [1, 2, 3, 5, 8, 100, 512] {
                 let sizes = sizes(centers, domains);
                 let (low, high) = (sizes.iter().min().unwrap(), sizes.iter().max().unwrap());
-                // Each plane above a part rounds to one sphere.
-                assert!(high - low <= 2, "{domains} parts of {low} to {high}");
+                // Each plane above a domain rounds to one sphere.
+                assert!(high - low <= 2, "{domains} domains of {low} to {high}");
             }
         }
     }
@@ -165,7 +165,7 @@ mod tests {
             Partition::from_planes(3, vec![BisectionPlane { at: 0.0, tie_breaker: 0, axis: 0 }]).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "1 planes cut space into 2 parts, not 3; use the planes of one partition"
+            "1 planes cut space into 2 domains, not 3; use the planes of one partition"
         );
         assert!(
             Partition::from_planes(2, vec![BisectionPlane { at: 0.0, tie_breaker: 0, axis: 3 }]).is_err()

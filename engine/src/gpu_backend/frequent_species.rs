@@ -26,8 +26,8 @@ impl FrequentSpecies {
         self.searched
     }
 
-    /// Returns a new most frequent species that needs other sides. The device must accept these before it is
-    /// [recorded](Self::record).
+    /// Returns a new most frequent species that needs other sides. The device must accept the sides before
+    /// the species is [recorded](Self::record).
     pub(super) fn next(&mut self, query: &Query<'_>, table: &Interactions) -> Result<Option<u32>, Error> {
         let Self { searched, waited, patience, counts } = self;
         counts.clear();
@@ -86,7 +86,7 @@ mod tests {
     fn frequent_species_changes_with_the_narrow_side_only() {
         let (table, mut frequent) = (table([0.5, 0.125]), FrequentSpecies::default());
         assert_eq!(follow(&mut frequent, [9000, 10, 10], &table), Some(0));
-        assert_eq!(follow(&mut frequent, [9000, 10, 10], &table), None, "the same crowd");
+        assert_eq!(follow(&mut frequent, [9000, 10, 10], &table), None, "the same species");
         assert_eq!(follow(&mut frequent, [100, 300, 10], &table), None, "hardly larger");
         assert_eq!(frequent.searched(), Some(0));
         let mut frequent = FrequentSpecies::default();

@@ -219,7 +219,7 @@ impl SearchBackend for GpuBackend {
 #[derive(Debug, Default)]
 struct DeviceSpecies {
     searched: SearchedSpecies,
-    frequent: FrequentSpecies,
+    frequent_species: FrequentSpecies,
 }
 
 #[derive(Debug)]
@@ -256,17 +256,17 @@ impl Device {
         all: &Interactions,
     ) -> Result<(), Error> {
         let Some(searched) = &self.interactions else { return Ok(()) };
-        let DeviceSpecies { searched: searched_species, frequent } = species;
+        let DeviceSpecies { searched: searched_species, frequent_species } = species;
         let new = searched_species.next(present, all, searched)?;
         let table = new.as_ref().unwrap_or(searched).clone();
-        let new_frequent = frequent.next(query, &table)?;
-        if new.is_some() || new_frequent.is_some() {
-            let of_sides = new_frequent.or(frequent.searched());
+        let new_species = frequent_species.next(query, &table)?;
+        if new.is_some() || new_species.is_some() {
+            let of_sides = new_species.or(frequent_species.searched());
             self.search.session = self.search.session.with_interactions(Some(table.clone()), of_sides)?;
             if new.is_some() {
                 searched_species.record(present, table.species());
             }
-            new_frequent.into_iter().for_each(|species| frequent.record(species));
+            new_species.into_iter().for_each(|species| frequent_species.record(species));
             self.interactions = Some(table);
         }
         Ok(())

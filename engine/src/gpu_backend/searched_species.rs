@@ -15,7 +15,7 @@ pub(super) struct SearchedSpecies {
     are_omitted: Vec<bool>,
     version: u32,
     /// `true` if absent species enlarge radii of others.
-    has_larger_radii: bool,
+    absent_enlarge_radii: bool,
     waited: u32,
     /// Value of `waited` at which absent species are omitted; it doubles when one of them returns.
     patience: u32,
@@ -29,19 +29,19 @@ impl SearchedSpecies {
         all: &Interactions,
         searched: &Interactions,
     ) -> Result<Option<Interactions>, Error> {
-        if self.version == present.version() && !self.has_larger_radii {
+        if self.version == present.version() && !self.absent_enlarge_radii {
             return Ok(None);
         }
-        let has_larger_radii = |species: u32| {
+        let is_enlarged = |species: u32| {
             is_smaller(present.species_radii()[species as usize], searched.species_radius(species))
         };
         if self.lacks(present) {
             self.patience = (2 * self.patience + 1).min(MAX_PATIENCE);
         } else {
-            self.has_larger_radii =
-                (0..all.species()).any(|species| present.is_present(species) && has_larger_radii(species));
-            if !self.has_larger_radii || self.waited < self.patience {
-                self.waited = if self.has_larger_radii { self.waited + 1 } else { 0 };
+            self.absent_enlarge_radii =
+                (0..all.species()).any(|species| present.is_present(species) && is_enlarged(species));
+            if !self.absent_enlarge_radii || self.waited < self.patience {
+                self.waited = if self.absent_enlarge_radii { self.waited + 1 } else { 0 };
                 self.version = present.version();
                 return Ok(None);
             }
@@ -54,7 +54,7 @@ impl SearchedSpecies {
     }
 
     pub(super) fn keep(&mut self, present: &SpeciesGroups) {
-        (self.version, self.has_larger_radii, self.waited) = (present.version(), false, 0);
+        (self.version, self.absent_enlarge_radii, self.waited) = (present.version(), false, 0);
     }
 
     pub(super) fn record(&mut self, present: &SpeciesGroups, species: u32) {

@@ -213,7 +213,7 @@ fn narrow_side_follows_the_crowd_and_loses_no_pair() {
             let expected = host.pairs(spheres_with_ids).expect("valid").to_vec();
             assert!(detector.pairs(spheres_with_ids).expect("found") == expected, "{skin:?}, call {call}");
             assert_eq!(
-                detector.backend().species.frequent.searched(),
+                detector.backend().species.frequent_species.searched(),
                 Some(frequent),
                 "{skin:?}, call {call}"
             );

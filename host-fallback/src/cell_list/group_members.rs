@@ -110,7 +110,7 @@ impl GroupMembers {
         if self.bounds.min.x <= self.bounds.max.x { self.bounds } else { point }
     }
 
-    pub(super) fn cutoff(
+    pub(super) fn search_cutoff(
         &self,
         other: &Self,
         group_interaction: GroupInteraction,

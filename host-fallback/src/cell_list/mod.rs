@@ -121,12 +121,12 @@ impl LevelGrid {
         SearchRadius { excess: 0.0, cap: self.grid.largest() }
     }
 
-    /// `cutoff` is the largest distance of a pair.
-    fn search_of(&self, other: &Self, cutoff: f64) -> (SearchRadius, f64) {
+    /// `search_cutoff` is the largest distance of a candidate.
+    fn search_of(&self, other: &Self, search_cutoff: f64) -> (SearchRadius, f64) {
         let largest = f64::from(other.grid.largest());
         let (excess, cap) = match self.group == other.group {
-            true => (0.0, (cutoff - largest).min(f64::from(self.grid.largest()))),
-            false => (f64::from(other.effective) - largest, cutoff - largest),
+            true => (0.0, (search_cutoff - largest).min(f64::from(self.grid.largest()))),
+            false => (f64::from(other.effective) - largest, search_cutoff - largest),
         };
         let most = f64::from(self.effective) + excess;
         let rounding = if excess > 0.0 { SUM_ROUNDING * most } else { 0.0 };
@@ -230,13 +230,13 @@ impl CellList {
         try_push(&mut self.groups, groups, "groups of spheres")?;
         let members = self.members.get(group);
         let pairs_within = grouping.pairs_within(group);
-        for number in 0..plan.levels.len() {
-            let grid = Self::grid(input, plan, number, members, max_cells);
+        for level_index in 0..plan.levels.len() {
+            let grid = Self::grid(input, plan, level_index, members, max_cells);
             let last = self.levels.last();
             let base = last.map_or(0, |last| last.base + last.grid.cells() as usize);
             let from = last.map_or(0, |last| last.members.end);
-            let count =
-                members.map_or(plan.levels[number].spheres, |own| own.level_class(plan, number).count);
+            let count = members
+                .map_or(plan.levels[level_index].spheres, |own| own.level_class(plan, level_index).count);
             let effective = match members {
                 Some(own) if grouping.is_narrow() => own.effective,
                 _ => grid.largest(),
@@ -251,15 +251,15 @@ impl CellList {
     fn grid(
         input: &SearchInput<'_>,
         plan: &LevelPlan,
-        number: usize,
+        level_index: usize,
         members: Option<&GroupMembers>,
         max_cells: u64,
     ) -> CellGrid {
-        let level = &plan.levels[number];
+        let level = &plan.levels[level_index];
         let (spheres, largest, bounds) = match members {
             None => (level.spheres, level.largest, input.stats.bounds()),
             Some(members) => {
-                let SizeClass { count, largest } = members.level_class(plan, number);
+                let SizeClass { count, largest } = members.level_class(plan, level_index);
                 (count, largest, members.bounds())
             }
         };
@@ -350,7 +350,7 @@ fn link(
             let cutoff = match members {
                 [] => f64::INFINITY,
                 _ if grouping.sets().is_some() => f64::INFINITY,
-                members => members[a].cutoff(&members[b], group_interaction, input.test.frame()),
+                members => members[a].search_cutoff(&members[b], group_interaction, input.test.frame()),
             };
             let (radius, forth) = levels[own].search_of(&levels[other], cutoff);
             let (_, back) = levels[other].search_of(&levels[own], cutoff);

@@ -23,7 +23,7 @@ pub struct CandidateFilter<'a> {
 impl<'a> CandidateFilter<'a> {
     /// `searched` are the spheres in `frame`.
     pub(crate) fn new(exact: &'a PairFilter<'a>, frame: Option<&SearchFrame>, searched: Spheres<'a>) -> Self {
-        let near = frame.and_then(|frame| TriclinicFilter::with_filter(frame, Some(exact)));
+        let near = frame.and_then(|frame| TriclinicFilter::for_candidates(frame, Some(exact)));
         Self { exact, near: near.map(|near| (near, searched)) }
     }
 

@@ -116,7 +116,7 @@ impl<'a> PairTest<'a> {
         // Orthogonalized coordinates, trimmed frames and effective radii leave every contact uncertain.
         let is_by_radii = filter.is_none_or(PairFilter::is_contact_of_radii);
         let is_certain = frame.is_none_or(SearchFrame::has_certain_contacts) && is_by_radii;
-        let triclinic = frame.and_then(|frame| TriclinicFilter::with_filter(frame, filter));
+        let triclinic = frame.and_then(|frame| TriclinicFilter::for_candidates(frame, filter));
         Self { filter, frame, triclinic, is_plain: self.is_plain && is_certain, ..self }
     }
 
@@ -215,7 +215,7 @@ impl<'a> PairTest<'a> {
         SphereRadii { center: sphere.center, own: sphere.radius, effective, margin, widened }
     }
 
-    /// Covers the interactions of `species_radius`, with the skin margin.
+    /// Returns a radius that covers the distances of `species_radius`, with the skin margin.
     #[inline]
     pub(crate) fn radius_within(&self, id: u32, species_radius: SpeciesRadius) -> f32 {
         let SphereRadii { own, effective, margin, widened: most, .. } = self.radii(id);

@@ -62,7 +62,7 @@ impl TriclinicFilter {
     }
 
     /// Returns the filter of candidates that `exact` decides.
-    pub(crate) fn with_filter(frame: &SearchFrame, exact: Option<&PairFilter<'_>>) -> Option<Self> {
+    pub(crate) fn for_candidates(frame: &SearchFrame, exact: Option<&PairFilter<'_>>) -> Option<Self> {
         let near = Self::from_frame(frame)?;
         let is_by_radii = exact.is_none_or(PairFilter::is_contact_of_radii);
         Some(if is_by_radii { near } else { near.without_certain() })

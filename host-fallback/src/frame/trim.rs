@@ -64,17 +64,17 @@ impl SearchFrame {
             origin[axis] = median(&mut sample, axis);
         }
         let last = last.filter(|last| last.is_trimmed && last.is_near(&origin));
-        let extent = FreeExtent { origin: last.map_or(origin, |last| last.origin), is_free };
+        let axes = FreeAxes { origin: last.map_or(origin, |last| last.origin), is_free };
         let most = self.scale.recip() / MIN_GAIN;
-        if sample.iter().filter(|row| extent.offset(row) > most).count() > SAMPLE_OUTSIDE {
+        if sample.iter().filter(|row| axes.offset(row) > most).count() > SAMPLE_OUTSIDE {
             return None;
         }
-        let size = extent.size_of_most(rows, executor).max(radius * (RELATIVE_GROWTH[1] / GROWTH[1]));
-        let size = size.max(Self::size(&extent.cut(rows.bounds), space, &extent.origin));
+        let size = axes.size_of_most(rows, executor).max(radius * (RELATIVE_GROWTH[1] / GROWTH[1]));
+        let size = size.max(Self::size(&axes.cut(rows.bounds), space, &axes.origin));
         if size > most {
             return None;
         }
-        let trimmed = Self { is_trimmed: true, ..Self::at(extent.origin, scale_of(size), space) };
+        let trimmed = Self { is_trimmed: true, ..Self::at(axes.origin, scale_of(size), space) };
         let reused = last.filter(|last| last.scale <= trimmed.scale && trimmed.scale <= 4.0 * last.scale);
         Some(reused.cloned().unwrap_or(trimmed))
     }
@@ -86,16 +86,16 @@ impl SearchFrame {
     /// The extent along unbounded axes does not matter in a trimmed frame.
     pub(super) fn without_free_axes(&self, bounds: &Bounds, space: &Space) -> Bounds {
         let is_free = Self::periodic_axes(space).map(|is_periodic| !is_periodic);
-        FreeExtent { origin: self.origin, is_free }.cut(bounds)
+        FreeAxes { origin: self.origin, is_free }.cut(bounds)
     }
 }
 
-struct FreeExtent {
+struct FreeAxes {
     origin: [f64; 3],
     is_free: [bool; 3],
 }
 
-impl FreeExtent {
+impl FreeAxes {
     fn offset(&self, row: &[f64; 4]) -> f64 {
         let along =
             |axis: usize| if self.is_free[axis] { (row[axis] - self.origin[axis]).abs() } else { 0.0 };

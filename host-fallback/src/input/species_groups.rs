@@ -63,7 +63,7 @@ impl SpeciesGroups {
             false if is_present(&species) => table.species_radius_among(species, present.iter().copied()),
             false => SpeciesRadius::NONE,
         };
-        let species_radii = try_collect((0..table.species()).map(species_radius), "reaches of species")?;
+        let species_radii = try_collect((0..table.species()).map(species_radius), "radii of species")?;
         let table = SpeciesTable { interactions: table, species_radii: &species_radii };
         let [merged, by_partners, by_distance] = SpeciesPartition::from_present(&present, table);
         let by_distance = by_distance.narrowed(&present, table)?;

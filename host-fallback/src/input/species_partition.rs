@@ -37,7 +37,10 @@ pub(crate) struct GroupInteraction {
 impl GroupInteraction {
     pub(crate) const ANY: Self = Self { touches: true, distance: f64::INFINITY, is_by_radii: false };
 
-    fn from_species(species: impl Iterator<Item = (u32, u32)>, table: SpeciesTable<'_>) -> Option<Self> {
+    fn from_species_pairs(
+        species: impl Iterator<Item = (u32, u32)>,
+        table: SpeciesTable<'_>,
+    ) -> Option<Self> {
         let none = Self { touches: false, distance: 0.0, is_by_radii: true };
         let (group_interaction, pairs) =
             species.fold((none, false), |(mut group_interaction, pairs), (a, b)| {
@@ -111,7 +114,10 @@ impl SpeciesPartition {
             present.iter().copied().filter(move |&s| usize::from(of_species[s as usize]) == group)
         };
         let group_interaction = |a: usize, b: usize| {
-            GroupInteraction::from_species(members(a).flat_map(|s| members(b).map(move |t| (s, t))), table)
+            GroupInteraction::from_species_pairs(
+                members(a).flat_map(|s| members(b).map(move |t| (s, t))),
+                table,
+            )
         };
         let group_interactions =
             (0..count * count).map(|k| group_interaction(k / count, k % count)).collect();
@@ -119,7 +125,7 @@ impl SpeciesPartition {
     }
 
     pub(super) fn narrowed(self, present: &[u32], table: SpeciesTable<'_>) -> Result<Self, Error> {
-        let mut narrow = try_collect(table.species_radii.iter().copied(), "reaches of species")?;
+        let mut narrow = try_collect(table.species_radii.iter().copied(), "radii of species")?;
         let mut is_narrow = false;
         for &species in present {
             let group = self.group_of(species);

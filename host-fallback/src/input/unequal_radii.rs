@@ -99,7 +99,7 @@ fn species_radii(
         let largest_half = if chosen.has(group) { own_half(partition, group) } else { largest(species) };
         SpeciesRadius { largest_half, ..table.species_radii[species as usize] }
     };
-    try_collect((0..table.interactions.species()).map(species_radius), "reaches of species")
+    try_collect((0..table.interactions.species()).map(species_radius), "radii of species")
 }
 
 fn own_half(partition: &SpeciesPartition, group: usize) -> f64 {

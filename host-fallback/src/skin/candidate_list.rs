@@ -245,7 +245,7 @@ impl HitBuffer {
     #[inline(always)]
     fn keep<V: SimdWidth>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], lanes: u32) -> bool {
         if let Some(slots) = self.pairs[self.len..].first_chunk_mut() {
-            self.len += vector.keep(pairs, lanes, slots);
+            self.len += vector.compact(pairs, lanes, slots);
         }
         self.len >= Self::FULL
     }

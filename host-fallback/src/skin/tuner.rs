@@ -54,12 +54,16 @@ impl SkinTuner {
     }
 
     /// Records the age of the list in calls, the largest used fraction of a limit, and the reason for a rebuild.
-    pub fn record_age(&mut self, (age, fraction): (u32, f32), rebuild_reason: Option<RebuildReason>) {
+    pub fn record_age(
+        &mut self,
+        (age, displacement_fraction): (u32, f32),
+        rebuild_reason: Option<RebuildReason>,
+    ) {
         if age == 1 {
-            self.first = fraction;
+            self.first = displacement_fraction;
         }
         if let (Some(RebuildReason::Displacement), Some(choice)) = (rebuild_reason, &self.choice) {
-            self.displacements.learn(self.first * choice.skin, age, fraction * choice.skin);
+            self.displacements.learn(self.first * choice.skin, age, displacement_fraction * choice.skin);
             // A list that lasted about as predicted is not reconsidered soon.
             let is_as_expected = EXPECTED_RATIOS.contains(&(age as f32 / (choice.calls + 1.0)));
             self.wait = if is_as_expected { self.wait } else { 0 };

@@ -13,7 +13,7 @@ pub enum Precision {
     /// `f64`.
     F64,
     /// The type that rounds nothing: `f32` for NumPy arrays of `f32`, else `f64`, as few decimal numbers are
-    /// `f32` numbers. Arrays with species are `f64` if the radius of an option is not an `f32` number.
+    /// `f32` numbers. Arrays with species are `f64` if a radius in the options is not an `f32` number.
     Auto,
 }
 

@@ -36,7 +36,7 @@ impl Species {
         &self.names
     }
 
-    /// Returns names of `--radius` options that no sphere has.
+    /// Returns names in `Options::radii` that no sphere has.
     pub fn unused_radii(&self) -> impl Iterator<Item = &str> {
         let met = |key: &str| self.names.iter().any(|name| name == key || bare(name) == key);
         self.radii_by_name.keys().map(String::as_str).filter(move |key| !met(key))

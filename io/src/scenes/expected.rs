@@ -168,7 +168,7 @@ mod tests {
         for cloud in CLOUDS {
             for cutoff in [0.1, 1.0, 2.5, 4.0, 5.9] {
                 let (mean, whole) = (cloud.average(|d| cloud.hit_at(d, cutoff)), cloud.hit(cutoff));
-                assert!((mean / whole - 1.0).abs() < 1e-4, "{cloud:?}, reach {cutoff}: {mean}, {whole}");
+                assert!((mean / whole - 1.0).abs() < 1e-4, "{cloud:?}, cutoff {cutoff}: {mean}, {whole}");
             }
         }
     }

@@ -54,14 +54,14 @@ pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
 }
 
 fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
-    let has_candidates = matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
+    let may_use_candidates = matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
     match random.below(12) {
         0 => Skin::Off,
         1..=6 => Skin::Auto,
-        _ if !has_candidates => Skin::Auto,
+        _ if !may_use_candidates => Skin::Auto,
         _ => {
-            let fraction = [0.01, 0.1, 0.5, 0.5, 2.0, 20.0][random.below(6) as usize];
-            Skin::Fixed((fraction * radius).clamp(1e-14, 1e17).into())
+            let skin_in_radii = [0.01, 0.1, 0.5, 0.5, 2.0, 20.0][random.below(6) as usize];
+            Skin::Fixed((skin_in_radii * radius).clamp(1e-14, 1e17).into())
         }
     }
 }
@@ -135,8 +135,8 @@ fn adversarial(random: &mut Random) -> TestInput {
 
 fn draw_space(random: &mut Random, kind: u32, extent: [f32; 3]) -> Space {
     let mut length = |k: usize| {
-        let fraction = [1.0, 1.0, 0.7, 1.5, 0.2][random.below(5) as usize];
-        (random.below(4) != 0).then_some(extent[k] * fraction)
+        let factor = [1.0, 1.0, 0.7, 1.5, 0.2][random.below(5) as usize];
+        (random.below(4) != 0).then_some(extent[k] * factor)
     };
     let lengths = [length(0), length(1), length(2)];
     match kind {

@@ -92,9 +92,9 @@ pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
     };
     let tau = [0, 1, 2, 8, 32, u32::MAX, random.below(600)][random.below(7) as usize];
     let ratio = [0.5, 1.0, 1.5, 2.0, 16.0, 0.5 + 15.5 * random.unit()][random.below(6) as usize];
-    let has_candidates = is_on_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::CellList);
+    let may_use_candidates = is_on_gpu || matches!(algorithm, Algorithm::Auto | Algorithm::CellList);
     DetectorVariant {
-        skin: if has_candidates && random.below(3) == 0 {
+        skin: if may_use_candidates && random.below(3) == 0 {
             [0.01, 0.3, 2.0][random.below(3) as usize]
         } else {
             0.0

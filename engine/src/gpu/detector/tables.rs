@@ -17,10 +17,10 @@ impl Tables {
         let most_bytes = device.limits().max_storage_buffer_binding_size;
         let bytes = TableBytes::new(interactions, config.most_frequent, most_bytes)?;
         Ok(Some(Self {
-            species_params: constant_buffer(device, "reach by species", &bytes.species_params)?,
+            species_params: constant_buffer(device, "species parameters", &bytes.species_params)?,
             species_params_by_side: constant_buffer(
                 device,
-                "reach by species on their sides",
+                "species parameters by side",
                 &bytes.species_params_by_side,
             )?,
             table: constant_buffer(device, "interaction table", &bytes.table)?,

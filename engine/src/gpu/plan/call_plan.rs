@@ -289,15 +289,14 @@ impl Plan {
         let constant = |bytes: Arc<[u8]>| {
             ((bytes.len() as u64).max(16).next_multiple_of(16), BufferSource::Constant(bytes))
         };
-        let table = |bytes: fn(&TableBytes) -> &Arc<[u8]>| {
-            constants.tables.map_or_else(|| Arc::from([]), |tables| bytes(tables).clone())
+        let table = |select: fn(&TableBytes) -> &Arc<[u8]>| {
+            constants.tables.map_or_else(|| Arc::from([]), |tables| select(tables).clone())
         };
         let spheres = u64::from(self.spheres);
         let columns = self.columns.unwrap_or_default();
         let (name, (size, source)) = match resource {
             Resource::Own(id) => {
-                let size =
-                    self.buffers.iter().find(|(buffer, _)| *buffer == id).map_or(16, |(_, size)| *size);
+                let size = self.buffers.iter().find(|(other, _)| *other == id).map_or(16, |(_, size)| *size);
                 (id.name(), (size, BufferSource::Working))
             }
             Resource::Spheres => ("spheres".to_owned(), input(spheres * 16)),
@@ -319,9 +318,11 @@ impl Plan {
                 let digit = self.digits()[pass as usize];
                 (format!("radix_pass_{pass}"), constant(bytemuck::bytes_of(&digit).into()))
             }
-            Resource::SpeciesParams => ("reach".to_owned(), constant(table(|tables| &tables.species_params))),
+            Resource::SpeciesParams => {
+                ("species_params".to_owned(), constant(table(|tables| &tables.species_params)))
+            }
             Resource::SpeciesParamsBySide => {
-                ("reach".to_owned(), constant(table(|tables| &tables.species_params_by_side)))
+                ("species_params".to_owned(), constant(table(|tables| &tables.species_params_by_side)))
             }
             Resource::Table => ("table".to_owned(), constant(table(|tables| &tables.table))),
         };

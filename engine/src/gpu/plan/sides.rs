@@ -140,8 +140,8 @@ impl PairingGroups {
             of_species,
             narrow: 0,
         };
-        let most_frequent = most_frequent.and_then(|species| groups.of_species[species as usize]);
-        let narrow = groups.narrow(most_frequent, |group| partition.narrowness(active[group]));
+        let frequent_group = most_frequent.and_then(|species| groups.of_species[species as usize]);
+        let narrow = groups.narrow(frequent_group, |group| partition.narrowness(active[group]));
         Self { narrow, ..groups }
     }
 
@@ -153,12 +153,12 @@ impl PairingGroups {
         self.narrow >> group & 1 == 1
     }
 
-    /// Returns the narrow groups, one bit each. If two of them pair, `most_frequent` stays, or else the narrower one.
-    fn narrow(&self, most_frequent: Option<usize>, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
+    /// Returns the narrow groups, one bit each. If two of them pair, `frequent_group` stays, or else the narrower one.
+    fn narrow(&self, frequent_group: Option<usize>, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
         let narrow = |group| Some((narrowness(group).filter(|fraction| *fraction < MAX_NARROW)?, group));
         let mut groups: Vec<(f64, usize)> = (0..self.count()).filter_map(narrow).collect();
         groups.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        groups.sort_by_key(|&(_, group)| Some(group) != most_frequent);
+        groups.sort_by_key(|&(_, group)| Some(group) != frequent_group);
         groups.iter().fold(0, |narrow, &(_, group)| match self.partners[group] & narrow {
             0 => narrow | 1 << group,
             _ => narrow,

@@ -53,7 +53,7 @@ impl TableBytes {
             })
             .collect();
         let [species_params, species_params_by_side] =
-            [species_params, species_params_by_side].map(|radius| bytemuck::cast_slice(&radius).into());
+            [species_params, species_params_by_side].map(|params| bytemuck::cast_slice(&params).into());
         Ok(Self { species_params, species_params_by_side, table: bytemuck::cast_slice(&table).into(), sides })
     }
 }

@@ -71,7 +71,7 @@ impl GpuSession {
 
     fn try_submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let at = number as usize % MAX_IN_FLIGHT;
-        let uses_candidates = self.uses_candidates(number);
+        let may_use_candidates = self.uses_candidates(number);
         let is_long_search = self.is_long_search();
         let Self { gpu, detector, layouts, skin, call_buffers, calls, expected, counts, .. } = self;
         let count = &mut counts[at];
@@ -82,7 +82,7 @@ impl GpuSession {
         let staging = buffers.staging(gpu, staged)?;
         let Some(spheres) = buffers.spheres.clone() else { return Ok(()) };
         let mut encoder = new_encoder(gpu)?;
-        let skin = skin.as_mut().filter(|_| uses_candidates).map(|skin| &mut skin.detector);
+        let skin = skin.as_mut().filter(|_| may_use_candidates).map(|skin| &mut skin.detector);
         let timed: &[GpuPhase] = match work {
             _ if detector.ticks().is_none() || skin.is_some() => &[],
             Submission::Full(_) => GpuPhase::ALL,

@@ -116,7 +116,7 @@ impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     }
 
     #[inline(always)]
-    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, selected: &mut [Pair; MAX_LANES]) -> usize {
-        self.vector.keep(pairs, lanes, selected)
+    fn compact(self, pairs: &[Pair; MAX_LANES], lanes: u32, packed: &mut [Pair; MAX_LANES]) -> usize {
+        self.vector.compact(pairs, lanes, packed)
     }
 }

@@ -179,8 +179,8 @@ pub(crate) trait SimdWidth: Copy {
     );
     /// Writes pairs of `id` with the selected `lanes` first; the rest is arbitrary. Returns their number.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
-    /// Compacts the selected `lanes` into `selected`, like [`pack`](Self::pack).
-    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, selected: &mut [Pair; MAX_LANES]) -> usize;
+    /// Compacts pairs of the selected `lanes` into `packed`, like [`pack`](Self::pack).
+    fn compact(self, pairs: &[Pair; MAX_LANES], lanes: u32, packed: &mut [Pair; MAX_LANES]) -> usize;
 }
 
 pub(crate) trait PeriodicSimd: SimdWidth {
@@ -273,7 +273,7 @@ mod tests {
                 let count = vector.pack(5, &IDS, lanes, &mut pairs);
                 all.extend(pairs[..count].iter().flat_map(|pair| [pair.i, pair.j]));
                 let input_pairs = IDS.map(|id| Pair { i: id, j: !id });
-                let count = vector.keep(&input_pairs, lanes, &mut pairs);
+                let count = vector.compact(&input_pairs, lanes, &mut pairs);
                 all.extend(pairs[..count].iter().flat_map(|pair| [pair.i, pair.j]));
             }
             let mut columns = Columns::default();

@@ -97,8 +97,8 @@ impl SimdWidth for Portable {
     }
 
     #[inline(always)]
-    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, selected: &mut [Pair; MAX_LANES]) -> usize {
-        keep(pairs, lanes, selected)
+    fn compact(self, pairs: &[Pair; MAX_LANES], lanes: u32, packed: &mut [Pair; MAX_LANES]) -> usize {
+        compact(pairs, lanes, packed)
     }
 }
 
@@ -158,10 +158,10 @@ pub(super) fn find_neighbor_runs(
 }
 
 #[inline(always)]
-pub(super) fn keep(pairs: &[Pair; MAX_LANES], lanes: u32, selected: &mut [Pair; MAX_LANES]) -> usize {
+pub(super) fn compact(pairs: &[Pair; MAX_LANES], lanes: u32, packed: &mut [Pair; MAX_LANES]) -> usize {
     let mut count = 0;
     for (lane, &pair) in pairs.iter().enumerate() {
-        selected[count % MAX_LANES] = pair;
+        packed[count % MAX_LANES] = pair;
         count += (lanes >> lane & 1) as usize;
     }
     count

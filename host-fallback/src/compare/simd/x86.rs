@@ -228,12 +228,12 @@ impl SimdWidth for Avx512 {
     }
 
     #[inline(always)]
-    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, selected: &mut [Pair; MAX_LANES]) -> usize {
+    fn compact(self, pairs: &[Pair; MAX_LANES], lanes: u32, packed: &mut [Pair; MAX_LANES]) -> usize {
         let [low, high] = [lanes as __mmask8, (lanes >> 8) as __mmask8];
         // SAFETY: `self` proves AVX-512F; both arrays are two vectors of eight pairs long, and the second store begins
         // after at most eight pairs.
         unsafe {
-            let (from, to): (*const __m512i, *mut Pair) = (pairs.as_ptr().cast(), selected.as_mut_ptr());
+            let (from, to): (*const __m512i, *mut Pair) = (pairs.as_ptr().cast(), packed.as_mut_ptr());
             _mm512_storeu_si512(to.cast(), _mm512_maskz_compress_epi64(low, _mm512_loadu_si512(from)));
             let upper = _mm512_maskz_compress_epi64(high, _mm512_loadu_si512(from.add(1)));
             _mm512_storeu_si512(to.add(low.count_ones() as usize).cast(), upper);
@@ -310,8 +310,8 @@ impl SimdWidth for Avx2 {
     }
 
     #[inline(always)]
-    fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, selected: &mut [Pair; MAX_LANES]) -> usize {
-        portable::keep(pairs, lanes, selected)
+    fn compact(self, pairs: &[Pair; MAX_LANES], lanes: u32, packed: &mut [Pair; MAX_LANES]) -> usize {
+        portable::compact(pairs, lanes, packed)
     }
 }
 

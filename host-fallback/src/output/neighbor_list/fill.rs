@@ -107,7 +107,7 @@ impl<'s> RowChunk<'s> {
         all: OutputSlices<'s>,
         counts: &'s mut [u64],
     ) -> Result<Vec<Self>, Error> {
-        let mut chunks = try_collect([].into_iter(), "pieces of a list")?;
+        let mut chunks = try_collect([].into_iter(), "chunks of a list")?;
         let (mut slices, mut start) = (all, 0);
         for (chunk, counts) in counts.chunks_mut(CHUNK_ROWS).enumerate() {
             let rows = chunk * CHUNK_ROWS..chunk * CHUNK_ROWS + counts.len();
@@ -117,7 +117,7 @@ impl<'s> RowChunk<'s> {
             let (own, rest) = slices.split(count);
             slices = rest;
             let chunk = Self { rows, slices: own, counts, start, filled: 0, too_far: None };
-            try_push(&mut chunks, chunk, "pieces of a list")?;
+            try_push(&mut chunks, chunk, "chunks of a list")?;
             start += count;
         }
         Ok(chunks)

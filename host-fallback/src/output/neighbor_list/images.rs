@@ -73,7 +73,7 @@ impl PeriodicImages {
         for set in [query.first(), second] {
             let half_cutoffs =
                 (0..set.len()).map(|k| half_cutoff(contact, set, k) * lattice.unit() * GROWTH + growth);
-            try_extend(&mut self.half_cutoffs, half_cutoffs, "reaches of spheres")?;
+            try_extend(&mut self.half_cutoffs, half_cutoffs, "half cutoffs of spheres")?;
         }
         let most = self.half_cutoffs[..query.first().len()].iter().copied().fold(0.0, f64::max);
         self.first.clear();
