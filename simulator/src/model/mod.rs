@@ -283,7 +283,7 @@ impl Model {
         alone.filter_map(|decay| decay.products[0]).any(|product| self.dissociates(product))
     }
 
-    /// Returns the first species' fraction of a displacement, in proportion to diffusion.
+    /// Returns the fraction of a displacement that the first species takes, in proportion to diffusion.
     pub(crate) fn first_fraction(&self, [a, b]: [u32; 2]) -> f32 {
         let [a, b] = [a, b].map(|species| self.species[species as usize].diffusion);
         if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }

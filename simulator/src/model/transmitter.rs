@@ -125,7 +125,7 @@ impl Transmitter {
         }
     }
 
-    /// Refuses points beyond the numbers of `f32`.
+    /// Returns an error text if points may exceed the range of `f32`.
     pub(crate) fn point_beyond_range(&self) -> Option<String> {
         let half_extent = self.shape.half_extent();
         let farthest = |k: usize| f64::from(self.center[k].abs()) + half_extent[k];
@@ -189,7 +189,7 @@ impl Shape {
         ((u128::from(word) * count) >> 32).min(u32::MAX.into()) as u32
     }
 
-    /// Returns an offset, in µm, drawn by `words`; for a lattice, that of site `site`.
+    /// Returns an offset, in µm, drawn by `words`; for a lattice, that of `site`.
     pub(crate) fn offset(self, words: [u32; 4], site: u32, boundary: &Boundary) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],

@@ -54,7 +54,7 @@ pub struct Hit {
     /// Beginning of the segment, as a fraction of the step.
     begin: f32,
     /// Fraction of the step; 0 if the hit is at `begin`.
-    duration: f32,
+    fraction: f32,
     /// In √(2DΔt) of the segment, negative inside.
     heights: [f32; 2],
 }
@@ -89,7 +89,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, context: D
         number: 1,
         ends: [path.before, path.end],
         begin: 0.0,
-        duration: 1.0,
+        fraction: 1.0,
         spread: (2.0 * diffusion).sqrt(),
         drift: length(drift),
     };
@@ -169,7 +169,7 @@ impl DrawContext {
 
 impl Hit {
     pub(crate) fn at(time: f32) -> Self {
-        Self { begin: time, duration: 0.0, heights: [0.0; 2] }
+        Self { begin: time, fraction: 0.0, heights: [0.0; 2] }
     }
 
     pub(crate) fn between([a, b]: [f32; 2], diffusion: f32) -> Self {
@@ -177,7 +177,7 @@ impl Hit {
             return Self::at((a / (a - b)).min(1.0));
         }
         let spread = (2.0 * diffusion).sqrt();
-        Self { begin: 0.0, duration: 1.0, heights: [a, b].map(|height| height / spread) }
+        Self { begin: 0.0, fraction: 1.0, heights: [a, b].map(|height| height / spread) }
     }
 
     /// Draws the time of the hit, as a fraction of the step.
@@ -186,12 +186,12 @@ impl Hit {
     /// density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation (Michael, Schucany and Haas, *Generating
     /// random variates using transformations with multiple roots*, The American Statistician 30 (1976) 88).
     pub(crate) fn time(&self, context: DrawContext, receiver: u32) -> f32 {
-        let Self { begin, duration, heights: [a, b] } = *self;
-        if duration == 0.0 {
+        let Self { begin, fraction, heights: [a, b] } = *self;
+        if fraction == 0.0 {
             return begin;
         }
         let words = context.draw(receiver, Purpose::HitTime);
-        begin + duration * first_passage([a, b], normals(words)[0], open_unit(words[2]))
+        begin + fraction * first_passage([a, b], normals(words)[0], open_unit(words[2]))
     }
 }
 
@@ -222,7 +222,7 @@ struct PathSegment {
     number: u32,
     ends: [[f32; 3]; 2],
     begin: f32,
-    duration: f32,
+    fraction: f32,
     spread: f32,
     drift: f32,
 }
@@ -230,14 +230,14 @@ struct PathSegment {
 impl PathSegment {
     /// Returns the segment of a whole path between two corners.
     fn between(&self, [(begin, from), (end, to)]: [(f64, [f64; 3]); 2]) -> Self {
-        let duration = (end - begin) as f32;
+        let fraction = (end - begin) as f32;
         Self {
             number: 1,
             ends: [from, to].map(|end| end.map(|c| c as f32)),
             begin: begin as f32,
-            duration,
-            spread: self.spread * duration.sqrt(),
-            drift: self.drift * duration,
+            fraction,
+            spread: self.spread * fraction.sqrt(),
+            drift: self.drift * fraction,
         }
     }
 }
@@ -249,25 +249,25 @@ impl BrownianBridge<'_> {
     }
 
     fn hits(&self, segment: PathSegment) -> Option<Hit> {
-        let PathSegment { number, ends: [p, q], begin, duration, spread, drift } = segment;
+        let PathSegment { number, ends: [p, q], begin, fraction, spread, drift } = segment;
         let middle: [f32; 3] = std::array::from_fn(|k| p[k] + 0.5 * (q[k] - p[k]));
         let half =
-            0.5 * length(std::array::from_fn(|k| q[k] - p[k] - duration * self.receiver.displacement[k]));
-        let half_time = begin + 0.5 * duration;
+            0.5 * length(std::array::from_fn(|k| q[k] - p[k] - fraction * self.receiver.displacement[k]));
+        let half_time = begin + 0.5 * fraction;
         if self.height(middle, half_time) > half + BEND * spread {
             return None;
         }
         let radius = self.receiver.receiver.radius;
         if number >= LAST || !is_long(drift, spread, radius) {
             let ends = [p, q].map(|end| self.domain.confine(end));
-            let heights = self.receiver.heights(self.domain, ends, [begin, begin + duration]);
+            let heights = self.receiver.heights(self.domain, ends, [begin, begin + fraction]);
             let hit = self.context.hits_sphere(
                 [self.receiver.index, self.first + number - 1],
                 image_radius(self.receiver),
                 heights,
                 0.5 * spread * spread,
             );
-            return hit.map(|hit| Hit { begin, duration, ..hit });
+            return hit.map(|hit| Hit { begin, fraction, ..hit });
         }
         let z = normals(self.context.draw(self.first + number, Purpose::Path));
         let middle = std::array::from_fn(|k| middle[k] + 0.5 * spread * z[k]);
@@ -275,7 +275,7 @@ impl BrownianBridge<'_> {
             number,
             ends,
             begin,
-            duration: 0.5 * duration,
+            fraction: 0.5 * fraction,
             spread: spread * std::f32::consts::FRAC_1_SQRT_2,
             drift: 0.5 * drift,
         };
@@ -293,11 +293,11 @@ const CUTS: usize = 1000;
 
 fn path_line_hit(state: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let line =
-        PathLine { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, duration: 1.0 };
+        PathLine { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, fraction: 1.0 };
     let Some(corners) = corners(domain, path, path.free) else { return line_hit(state, domain, line) };
     corners.windows(2).find_map(|ends| {
         let &[(begin, from), (end, to)] = ends else { return None };
-        line_hit(state, domain, PathLine { ends: [from, to], begin, duration: end - begin })
+        line_hit(state, domain, PathLine { ends: [from, to], begin, fraction: end - begin })
     })
 }
 
@@ -305,17 +305,17 @@ fn path_line_hit(state: &ReceiverState, domain: &Boundary, path: &Path) -> Optio
 struct PathLine {
     ends: [[f64; 3]; 2],
     begin: f64,
-    duration: f64,
+    fraction: f64,
 }
 
 /// Cuts the line at plane walls and at changes of the receiver's nearest image.
 fn line_hit(state: &ReceiverState, domain: &Boundary, line: PathLine) -> Option<Hit> {
-    let PathLine { ends: [from, to], begin, duration: of_step } = line;
+    let PathLine { ends: [from, to], begin, fraction: line_fraction } = line;
     let line_displacement: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let radius = f64::from(state.receiver.radius);
     let center = state.center_at(begin as f32);
-    let displacement = state.displacement.map(|c| of_step * f64::from(c));
-    let hit_at = |time: f64| Hit::at((begin + of_step * time) as f32);
+    let displacement = state.displacement.map(|c| line_fraction * f64::from(c));
+    let hit_at = |time: f64| Hit::at((begin + line_fraction * time) as f32);
     let mut cuts = Vec::new();
     for (k, axis) in domain.axes.into_iter().enumerate() {
         let (first, period, relative) = match axis {
@@ -345,16 +345,17 @@ fn line_hit(state: &ReceiverState, domain: &Boundary, line: PathLine) -> Option<
     cuts.retain(|t| (0.0..=1.0).contains(t));
     cuts.sort_unstable_by(f64::total_cmp);
     cuts.windows(2).find_map(|cut| {
-        let (middle, duration) = (0.5 * (cut[0] + cut[1]), cut[1] - cut[0]);
+        let (middle, cut_fraction) = (0.5 * (cut[0] + cut[1]), cut[1] - cut[0]);
         let point: [f32; 3] = std::array::from_fn(|k| (from[k] + middle * line_displacement[k]) as f32);
         let relative: [f64; 3] = std::array::from_fn(|k| {
-            let signed_duration = if domain.axes[k].reverses(point[k]) { -duration } else { duration };
-            signed_duration * line_displacement[k] - duration * displacement[k]
+            let signed_fraction =
+                if domain.axes[k].reverses(point[k]) { -cut_fraction } else { cut_fraction };
+            signed_fraction * line_displacement[k] - cut_fraction * displacement[k]
         });
-        let center = state.center_at((begin + of_step * middle) as f32);
+        let center = state.center_at((begin + line_fraction * middle) as f32);
         let middle = domain.displacement(center, domain.confine(point)).map(f64::from);
         let time = entry_time(std::array::from_fn(|k| middle[k] - 0.5 * relative[k]), relative, radius)?;
-        Some(hit_at(cut[0] + duration * time))
+        Some(hit_at(cut[0] + cut_fraction * time))
     })
 }
 

@@ -142,8 +142,8 @@ impl ReceiverSearch {
     ) -> Result<NearbyReceivers<'a>, lazygrid::Error> {
         let Self { detector, traveled, factor, queries, receivers, clear_spheres, cost, .. } = self;
         queries.clear();
-        queries.extend(particles.map(|(before, path_length)| {
-            let radius = *factor * path_length + 1e-3 * active_receivers.largest;
+        queries.extend(particles.map(|(before, search_radius)| {
+            let radius = *factor * search_radius + 1e-3 * active_receivers.largest;
             Sphere::new(before, radius + slack(before, radius, active_receivers, *traveled))
         }));
         let near = detector.neighbors((&*queries, &*receivers))?;
@@ -193,11 +193,11 @@ pub(crate) struct NearbyReceivers<'a> {
 }
 
 impl NearbyReceivers<'_> {
-    /// Returns the receivers within `max_gap`, and the new clear sphere.
+    /// Returns the receivers within `search_radius`, and the new clear sphere.
     pub(crate) fn receivers_near(
         &self,
         k: usize,
-        max_gap: f32,
+        search_radius: f32,
         (active_receivers, boundary): (&ActiveReceivers, &Boundary),
     ) -> (Vec<u32>, [f32; 4]) {
         let Sphere { center, radius } = self.queries[k];
@@ -214,7 +214,7 @@ impl NearbyReceivers<'_> {
                 before,
             ) - slack;
             clear = clear.min(gap);
-            if gap <= max_gap {
+            if gap <= search_radius {
                 candidates.push(other);
             }
         }

@@ -93,9 +93,9 @@ pub(crate) mod tests {
             message.starts_with("rx: ") && message.contains("of the requests for its receptors"),
             "{message}"
         );
-        let fraction = message.split(' ').nth(1).and_then(|fraction| fraction.parse::<f64>().ok()).unwrap();
+        let percent = message.split(' ').nth(1).and_then(|percent| percent.parse::<f64>().ok()).unwrap();
         // 1 − (1 − exp(−x))/x with x = 0.2, less by the depletion at the surface.
-        assert!((5.0..12.0).contains(&fraction), "{message}");
+        assert!((5.0..12.0).contains(&percent), "{message}");
         assert_eq!(warnings(0.0001, 4000), [""; 0]);
     }
 }

@@ -181,7 +181,7 @@ mod tests {
     }
 
     #[test]
-    fn plane_takes_the_fraction_of_the_closed_form() {
+    fn absorbed_fraction_at_plane_matches_closed_form() {
         // From height a within one step: erfc(a/√(4DΔt)).
         let domain = Boundary::reflecting([-1.0; 3], [50.0; 3]);
         let wall = AbsorbingWall { receiver: 0, sees: vec![true], face: WallFace::Low(1) };
@@ -211,7 +211,7 @@ mod tests {
 
     /// The survival from the center is 2·Σ (−1)^(n+1)·exp(−n²π²DΔt/R²).
     #[test]
-    fn sphere_takes_the_fraction_of_the_closed_form_from_inside() {
+    fn absorbed_fraction_inside_sphere_matches_closed_form() {
         let vessel = Some(Vessel { along: None, center: [1.0, 2.0, 3.0], radius: 1.0 });
         let domain = Boundary { vessel, ..Boundary::default() };
         let wall = AbsorbingWall { receiver: 0, sees: vec![true], face: WallFace::Side };

@@ -147,11 +147,11 @@ fn text(model: &Model, species: usize, ids: f64) -> f64 {
     digits(0.7 * ids) + (kind.name.len() + radius + 6) as f64 + 3.0 * COORDINATE_BYTES
 }
 
-fn row(model: &Model, particle_counts: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
+fn row(model: &Model, counts: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
     let moment = moment(model, [from, steps]);
-    let species: f64 = particle_counts.mean.iter().map(|&count| 1.0 + digits(count)).sum();
+    let species: f64 = counts.mean.iter().map(|&count| 1.0 + digits(count)).sum();
     let columns = model.reactions.len() + model.decays.len() + series::seen(model);
-    let all: f64 = particle_counts.mean.iter().sum();
+    let all: f64 = counts.mean.iter().sum();
     let pairs =
         if model.reactions.is_empty() && model.contact == Default::default() { 1.0 } else { digits(all) };
     moment + species + columns as f64 * (1.0 + digits(0.2 * all)) + 2.0 * (1.0 + pairs) + 1.0

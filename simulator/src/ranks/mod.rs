@@ -1,4 +1,4 @@
-//! A run over ranks: processes that each own a range of the particles.
+//! A run over ranks: processes that each own disjoint particles.
 //!
 //! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all, and moves all
 //! receivers. See `docs/design/ranks.md` for the exchanges.

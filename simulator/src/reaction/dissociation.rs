@@ -141,13 +141,13 @@ impl Dissociation {
         let away = self.boundary.direction_within(direction(first, second));
         let apart = away.map(|c| c * distance);
         let from = particles.position_of(at);
-        let placed = |product: Product, along: f32| {
+        let product_at = |product: Product, along: f32| {
             let to = std::array::from_fn(|k| from[k] + along * apart[k]);
             (product.species, product.radius, product.domain.confine(to))
         };
         let alone = channel.products[1].is_none();
         let along = if alone { [0.0; 2] } else { [-channel.first_fraction, 1.0 - channel.first_fraction] };
-        let products = [0, 1].map(|k| channel.products[k].map(|product| placed(product, along[k])));
+        let products = [0, 1].map(|k| channel.products[k].map(|product| product_at(product, along[k])));
         Some(Dissociated { at: at as u32, id, decay: channel.decay, products })
     }
 }

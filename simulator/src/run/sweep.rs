@@ -73,7 +73,7 @@ impl SweepRuns {
                 outdated.push(&point.run.directory);
             }
             let (path, text) = (point.run.directory.join(SCENARIO), &point.run.scenario.text);
-            // A resumed point keeps its scenario: the one in this file may be refused.
+            // A resumed point keeps its scenario: that of the sweep file may be refused.
             if point.run.resume && point.checkpoint_count().map_err(|error| named((k, error)))? > 0 {
                 continue;
             }

@@ -97,7 +97,7 @@ pub(crate) fn go_on(detector: &Config, run: &Run, ranks: u32) {
         return;
     }
     for end in threads::on(ranks, |thread| {
-        run.run_distributed(thread, detector.clone(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
+        run.run_distributed(thread, detector.clone(), |_| ControlFlow::Continue(())).map(|(end, _)| end)
     }) {
         assert_eq!(end, Ok(RunEnd::Finished));
     }
@@ -215,10 +215,10 @@ fn resume_with_another_flow_field_is_refused() {
     write(2.0);
     go(&run(10), 2);
     write(3.0);
-    let alone = run(20).run(|_| ControlFlow::Continue(())).map(|ends| ends.0).unwrap_err().to_string();
+    let alone = run(20).run(|_| ControlFlow::Continue(())).map(|(end, _)| end).unwrap_err().to_string();
     let all = threads::on(2, |thread| {
-        let ends = run(20).run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(()));
-        ends.map(|ends| ends.0).unwrap_err().to_string()
+        let end = run(20).run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(()));
+        end.map(|(end, _)| end).unwrap_err().to_string()
     });
     for error in all.into_iter().chain([alone]) {
         assert!(
@@ -251,14 +251,14 @@ fn lost_part_is_named_and_run_is_not_replaced() {
     std::fs::remove_file(directory.path().join("checkpoint.000000010.1")).unwrap();
     let resumed = run(directory.path(), 20, true);
     let ends = threads::on(3, |thread| {
-        resumed.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
+        resumed.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|(end, _)| end)
     });
     let messages: Vec<_> = ends.into_iter().map(Result::unwrap_err).collect();
     assert_eq!(messages, vec![messages[0].clone(); 3]);
     assert!(messages[0].contains("checkpoint.000000010.1: cannot read"), "{}", messages[0]);
     let run = run(directory.path(), 20, false);
     let ends = threads::on(2, |thread| {
-        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
+        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|(end, _)| end)
     });
     assert!(ends.iter().all(|end| end.as_ref().unwrap_err().contains("it holds a run already")), "{ends:?}");
 }
@@ -271,7 +271,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
         let base = base();
         let ends = threads::on(3, |thread| {
             let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { &odd } else { &base };
-            run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
+            run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|(end, _)| end)
         });
         let messages: Vec<_> = ends.into_iter().map(Result::unwrap_err).collect();
         assert_eq!(messages, vec![messages[0].clone(); 3]);
@@ -297,7 +297,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     let differing = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
     let ends = threads::on(3, |thread| {
         let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { differing.clone() } else { base() };
-        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|ends| ends.0)
+        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|(end, _)| end)
     });
     assert_eq!(ends, vec![Ok(RunEnd::Finished); 3]);
 }

@@ -142,8 +142,8 @@ fn diffusing_receiver() -> Vec<Row> {
     let mut closed = [[-0.25, 0.5], [0.5, 0.5]].map(|from| model(0.0, from));
     closed.iter_mut().for_each(|model| model.receivers[0].velocity = [4.0, 4.0, 0.0]);
     vec![
-        Row::mean("fraction around a body that diffuses", free / (1.0 + free), fractions),
-        Row::new("closed, passed to a body that moves", 0.0, half(&closed[0], 16), 0.0),
-        Row::new("closed, stayed around a body that moves", 1.0, half(&closed[1], 17), 0.0),
+        Row::mean("fraction around a receiver that diffuses", free / (1.0 + free), fractions),
+        Row::new("closed, passed to a receiver that moves", 0.0, half(&closed[0], 16), 0.0),
+        Row::new("closed, stayed around a receiver that moves", 1.0, half(&closed[1], 17), 0.0),
     ]
 }

@@ -146,9 +146,8 @@ impl Report {
                 "seconds": time.as_secs_f64(),
             }),
         );
-        let variants = [(gpu, "gpu"), (cpu, "cpu")].into_iter().filter(|(variants, _)| *variants > 0);
-        let variants: Vec<String> =
-            variants.map(|(variants, on)| format!("in {variants} ways on the {on}")).collect();
+        let variants = [(gpu, "gpu"), (cpu, "cpu")].into_iter().filter(|(count, _)| *count > 0);
+        let texts: Vec<String> = variants.map(|(count, on)| format!("in {count} ways on the {on}")).collect();
         let listed = |why: &str, searches: &[(String, usize)]| match searches {
             [] => String::new(),
             _ => {
@@ -158,10 +157,7 @@ impl Report {
         };
         let left_out = listed("left out as too long", left_out);
         let not_taken = listed("left out as filtered on the host, with subgroups only", not_taken);
-        self.say(&format!(
-            "scenes     {scenes} {}, {time:.1?}{left_out}{not_taken}\n",
-            variants.join(" and ")
-        ));
+        self.say(&format!("scenes     {scenes} {}, {time:.1?}{left_out}{not_taken}\n", texts.join(" and ")));
     }
 
     pub(super) fn fuzz(&mut self, seed: u64, rounds: u64, tally: &Tally, time: Duration) {

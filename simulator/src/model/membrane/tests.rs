@@ -47,7 +47,7 @@ fn one_step_changes_sides_with_the_closed_probability() {
 
 /// With the lowest point at −√(−2 ln ½)/2 = −0.589 of the spread the probability is 2.94e-8, 126 words of 2³².
 #[test]
-fn low_permeability_passes_a_fraction_of_the_least_words() {
+fn lowest_words_pass_at_low_permeability() {
     let (membranes, domain) = ([membrane(5.0, 5e-8)], Boundary::default());
     let step = step(&membranes, &domain, 1.0);
     let is_below = |word: u32| step.end(0, [5.0; 2], |_, _| [1 << 31, word, 0, 0]).confined < 5.0;

@@ -170,7 +170,7 @@ fn hit_probability_of_a_long_step_has_the_image_term() {
 fn hitting_times_match_a_brownian_bridge() {
     for (heights, seed) in [([1.0_f64, 1.0], 1), ([0.2, 1.5], 2), ([1.5, -0.2], 3), ([0.7, 0.0], 4)] {
         let n = 20_000;
-        let hit = Hit { begin: 0.0, duration: 1.0, heights: heights.map(|h| h as f32) };
+        let hit = Hit { begin: 0.0, fraction: 1.0, heights: heights.map(|h| h as f32) };
         let context = |id| DrawContext { key: Key::new(seed), id, step: 1 };
         let times: Vec<f64> = (0..n).map(|id| hit.time(context(id), 2).into()).collect();
         let [a, b] = heights;

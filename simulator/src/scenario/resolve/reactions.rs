@@ -232,7 +232,7 @@ impl Network<'_> {
         }
     }
 
-    /// Returns the separation of products: the radius of the file, otherwise the ball of the reverse reaction,
+    /// Returns the separation of products: the radius in the file, otherwise the ball of the reverse reaction,
     /// otherwise 0.
     fn unbinding(
         &self,

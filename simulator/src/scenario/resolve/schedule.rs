@@ -185,7 +185,8 @@ fn modulation(transmitter: &file::Transmitter) -> Result<Modulation, Problem> {
         }
         (file::Modulation::Csk, None) => {
             let span = transmitter.modulation.as_ref().map(toml::Spanned::span).unwrap_or_default();
-            let message = "csk needs levels: for each symbol the part of release, as in [0, 0.5, 0.75, 1]";
+            let message =
+                "csk needs levels: for each symbol the fraction of the release, as in [0, 0.5, 0.75, 1]";
             Err(Problem::at(span, message.to_owned()))
         }
         (_, Some(levels)) => {

@@ -19,7 +19,7 @@ fn released(boundary: &str, center: &str, shape: &str) -> Vec<String> {
 
 #[test]
 fn points_that_walls_mirror_are_warned_of() {
-    let beyond = "of the places of transmitter tx are beyond the walls, which mirror them";
+    let beyond = "of the points of transmitter tx are beyond the walls, which mirror them";
     for shape in [
         "kind = 'ball', inner-radius = 12, radius = 13",
         "kind = 'box', size = [11, 1, 1]",
@@ -52,7 +52,7 @@ fn shapes_longer_than_a_period_are_warned_of() {
 fn shapes_mostly_outside_a_vessel_are_warned_of() {
     let shell = |inner: u32, outer: u32| format!("kind = 'ball', inner-radius = {inner}, radius = {outer}");
     let found = released(SPHERE, "[4, 0, 0]", &shell(12, 13));
-    assert_warns(&found, "100.0 % of the places of transmitter tx are outside the vessel, so that some");
+    assert_warns(&found, "100.0 % of the points of transmitter tx are outside the vessel, so that some");
     assert_eq!(released(SPHERE, "[4, 0, 0]", &shell(3, 5)), [""; 0]);
 }
 

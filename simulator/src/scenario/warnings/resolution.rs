@@ -4,8 +4,8 @@ use crate::model::{Flow, Model, Species};
 
 /// Least √(2DΔt), in distances of neighboring numbers u: rounding adds u²/12 to the mean square, 1 % at 3 u.
 const LEAST_STEP: f64 = 3.0;
-/// Least displacement by drift or speed without diffusion, in the same distances, to a multiple of which each step is
-/// rounded.
+/// Least displacement by drift or speed without diffusion, in the same distances; each step is rounded to a multiple of
+/// that distance.
 const LEAST_DRIFT: f64 = 50.0;
 
 struct Motion<'a> {

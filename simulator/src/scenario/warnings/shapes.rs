@@ -26,11 +26,11 @@ pub(in crate::scenario) fn misplaced_shape(transmitter: &Transmitter, boundary: 
             100.0 * (beyond + outside)
         ),
         (false, true, _) => format!(
-            "{:.1} % of the places of transmitter {name} are beyond the walls, which mirror them",
+            "{:.1} % of the points of transmitter {name} are beyond the walls, which mirror them",
             100.0 * beyond
         ),
         (false, false, outside) if outside > MOST_OUTSIDE => format!(
-            "{:.1} % of the places of transmitter {name} are outside the vessel, so that some particles appear anywhere in it",
+            "{:.1} % of the points of transmitter {name} are outside the vessel, so that some particles appear anywhere in it",
             100.0 * outside
         ),
         _ => return None,
