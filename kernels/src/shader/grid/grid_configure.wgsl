@@ -49,20 +49,20 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
     return select(sample, d + shift, used);
 }
 
-// Returns the number of cells at least `edge` wide around an axis. With a multiple of four, neither the key hash nor
+// Returns the number of cells at least `cell_size` wide around an axis. With a multiple of four, neither the key hash nor
 // the boundary merges neighbors. A smaller power of two means one cell until a depth at which four fit.
-fn ring_cells_of(length: f32, edge: f32) -> f32 {
+fn ring_cells_of(length: f32, cell_size: f32) -> f32 {
     if (is_open(length)) {
         return 0.0;
     }
-    if (length < MIN_LENGTH || length > MAX_LENGTH || edge >= 0x1p120 || length < edge * MIN_RING_CELLS) {
+    if (length < MIN_LENGTH || length > MAX_LENGTH || cell_size >= 0x1p120 || length < cell_size * MIN_RING_CELLS) {
         return MIN_RING_CELLS;
     }
-    if (length * (1.0 / MAX_RING_CELLS) >= edge) {
+    if (length * (1.0 / MAX_RING_CELLS) >= cell_size) {
         return MAX_RING_CELLS;
     }
-    // Rounded down, because cells must not be narrower than `edge`.
-    let ring_cells = (length / edge) * 0x1.ffffep-1;
+    // Rounded down, because cells must not be narrower than `cell_size`.
+    let ring_cells = (length / cell_size) * 0x1.ffffep-1;
     if (ring_cells >= 4.0) {
         return 4.0 * floor(0.25 * ring_cells);
     }
@@ -73,7 +73,7 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
     return sample;
 }
 
-fn ring_cells_of(length: f32, edge: f32) -> f32 {
+fn ring_cells_of(length: f32, cell_size: f32) -> f32 {
     return 0.0;
 }
 #endif
@@ -147,12 +147,12 @@ fn grid_configure(
         * pow(spheres_count, -1.0 / 3.0);
     let line_spacing = max(spread.x, max(spread.y, spread.z)) / spheres_count;
     let width = radius_max * params.cell_ratio * select(2.0, 2.0 * SLACK, params.split_policy != 0u);
-    let edge = max(
+    let cell_size = max(
         max(width, far * 0x1p-17),
         max(max(volume_spacing, line_spacing), 0x1p-100),
     );
-    let ring_cells = vec3(ring_cells_of(lengths.x, edge), ring_cells_of(lengths.y, edge), ring_cells_of(lengths.z, edge));
-    let open_inverse = select(0.0, 1.0 / edge, edge < 0x1p120);
+    let ring_cells = vec3(ring_cells_of(lengths.x, cell_size), ring_cells_of(lengths.y, cell_size), ring_cells_of(lengths.z, cell_size));
+    let open_inverse = select(0.0, 1.0 / cell_size, cell_size < 0x1p120);
     let ring_inverse = select(vec3(0.0), ring_cells / max(lengths, vec3(MIN_LENGTH)), ring_cells > vec3(MIN_RING_CELLS));
     let inverse_edge = select(ring_inverse, vec3(open_inverse), open);
     let corner = select(-0.5 * lengths, origin, open);

@@ -46,8 +46,8 @@ fn skin_displacement(
         let was_valid = then.w >= 0.0;
         var changed = is_valid(now) != was_valid;
         if (may_pair(index, now) && was_valid) {
-            let gone = displacement(wrapped_sphere(now).xyz, then.xyz);
-            moved = bitcast<u32>(dot(gone, gone));
+            let difference = displacement(wrapped_sphere(now).xyz, then.xyz);
+            moved = bitcast<u32>(dot(difference, difference));
             changed = bitcast<u32>(inflated_radius(now.w)) != bitcast<u32>(then.w) || now.w > LARGE;
         }
 #ifdef SPECIES

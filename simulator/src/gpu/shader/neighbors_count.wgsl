@@ -25,14 +25,14 @@ fn mark_of(pair: vec2<u32>) -> u32 {
     if (touch <= 0.0 || gap > 2.0 * window.allowance) {
         return NOTHING;
     }
-    var place = b.base + b.offset;
+    var position = b.base + b.offset;
     if (a.id < b.id) {
-        place = a.base + a.offset;
+        position = a.base + a.offset;
     }
     if (may_react(reaction_rows[species_of(tags[pair.x]) * params.species + species_of(tags[pair.y])])) {
         return NOTHING;
     }
-    if (!(-gap > 4e-6 * (abs(place.x) + abs(place.y) + abs(place.z) + touch))) {
+    if (!(-gap > 4e-6 * (abs(position.x) + abs(position.y) + abs(position.z) + touch))) {
         return 0u;
     }
     return select(NOTHING, PASSES, params.is_elastic != 0u && window.now == 0.0);

@@ -95,8 +95,8 @@ fn particles_dissociate(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_wo
     if (has_second) {
         let slot = atomicAdd(&control.born, 1u);
         if (slot < arrayLength(&born)) {
-            let place = confined(parent.xyz + (1.0 - row.first_fraction) * apart, row.radii.y);
-            born[slot] = Born(vec4(place, row.radii.y), second_velocity, row.products.y);
+            let position = confined(parent.xyz + (1.0 - row.first_fraction) * apart, row.radii.y);
+            born[slot] = Born(vec4(position, row.radii.y), second_velocity, row.products.y);
             born_keys0[slot] = vec2(id, slot);
         }
     }

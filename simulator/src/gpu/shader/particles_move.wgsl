@@ -18,15 +18,15 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     var first = FirstHit(NOTHING, hit_at(false, 0.0));
     let near_receivers = receivers_near(kind, before.xyz, path_extent(path) + kind.bend + trajectory.max_displacement);
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
-        let place = event_at(near_receivers, k);
-        let event = event_rows[place];
+        let index = event_at(near_receivers, k);
+        let event = event_rows[index];
         let receiver = receiver_at(event.receiver, control.step);
         if (is_separated(kind, path.after, receiver.center)) {
             continue;
         }
         let hit = hit_of(event, receiver, path, kind, tag.y);
         if (hit.is_hit && is_earlier(hit, event.receiver, first.hit, first.row, tag.y)) {
-            first = FirstHit(place, hit);
+            first = FirstHit(index, hit);
         }
     }
     here = captured_or_decayed(here, first_with_walls(first, path, without_turns(), kind, tag.y), kind, tag.y);

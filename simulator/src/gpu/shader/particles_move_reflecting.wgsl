@@ -80,13 +80,13 @@ fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     let center = receiver_at(event.receiver, control.step + 1u).center;
     let above = event.radius + height_after(surface, &draws);
     let away = above + 4e-6 * (abs(center.x) + abs(center.y) + abs(center.z) + above);
-    let place = confined(center + away * stays.xyz, kind.radius);
-    if (signed_distance(event.radius, center, place) < 0.0 || is_separated(kind, place, center)) {
+    let position = confined(center + away * stays.xyz, kind.radius);
+    if (signed_distance(event.radius, center, position) < 0.0 || is_separated(kind, position, center)) {
         return stays;
     }
     atomicSub(&control.tallies[event.tally], 1u);
     atomicSub(&control.tallies[event.occupied], 1u);
-    return vec4(place, kind.radius);
+    return vec4(position, kind.radius);
 }
 
 // Returns the original path for the first receiver that reflected it.
@@ -97,8 +97,8 @@ fn path_to(receiver: u32, path: Path, reflected: ReflectedPath) -> Path {
     return Path(path.before, reflected.end, reflected.after, path.velocity, path.free_end, path.drift);
 }
 
-fn bind(at: u32, place: u32, path: Path, id: u32) {
-    let event = event_rows[place];
+fn bind(at: u32, index: u32, path: Path, id: u32) {
+    let event = event_rows[index];
     let receiver = receiver_at(event.receiver, control.step);
     let a = abs(signed_distance(event.radius, receiver.center, path.before));
     let b = abs(signed_distance(event.radius, receiver.center + receiver.displacement, path.after));
@@ -134,8 +134,8 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     let near_receivers = receivers_near(kind, path.before, search_distance + kind.bend + trajectory.max_displacement);
     var first = FirstHit(NOTHING, hit_at(false, 0.0));
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
-        let place = event_at(near_receivers, k);
-        let event = event_rows[place];
+        let index = event_at(near_receivers, k);
+        let event = event_rows[index];
         let receiver = receiver_at(event.receiver, control.step);
         let a = signed_distance(event.radius, receiver.center, path.before);
         // A particle inside may leave.
@@ -155,7 +155,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
             }
         }
         if (is_earlier(hit, event.receiver, first.hit, first.row, tag.y)) {
-            first = FirstHit(place, hit);
+            first = FirstHit(index, hit);
         }
     }
     if (stays) {

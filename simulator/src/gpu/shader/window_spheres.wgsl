@@ -26,9 +26,9 @@ fn window_spheres(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
         return;
     }
     let mover = movers[at];
-    let place = confined_axes(mover.base + mover.offset, 0.0);
+    let position = confined_axes(mover.base + mover.offset, 0.0);
     let radius = mover.radius + window.allowance;
-    inflated[at] = vec4(place, select(-1.0, radius + rounding(place, radius), mover.radius >= 0.0));
+    inflated[at] = vec4(position, select(-1.0, radius + rounding(position, radius), mover.radius >= 0.0));
     next_events[at].happens = 1u;
     next_events[at].count = 0u;
     // Further windows of the step read the same species.

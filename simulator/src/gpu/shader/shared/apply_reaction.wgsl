@@ -30,8 +30,8 @@ fn react(candidate: Candidate, rule: ReactionRow) {
             let along = f32(side) - rule.first_product_fraction;
             let at = candidate.at[side];
             claims[at].product = rule.products[side];
-            let place = select(meeting, moved[at].xyz, stays);
-            claims[at].sphere = vec4(confined(place + along * apart, rule.radii[side]), rule.radii[side]);
+            let position = select(meeting, moved[at].xyz, stays);
+            claims[at].sphere = vec4(confined(position + along * apart, rule.radii[side]), rule.radii[side]);
             if (params.has_velocity != 0u && rule.products[side] != NOTHING) {
                 let own = arrayLength(&moved) / 2u + at;
                 let before = vec2(rule.speeds[side], rule.thermal_speeds[side]);

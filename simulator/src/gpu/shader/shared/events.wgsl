@@ -42,20 +42,20 @@ struct WallHit {
 
 fn wall_hit(mover: Mover) -> WallHit {
     var hit = WallHit(NEVER, NOTHING);
-    let place = mover.base + mover.offset;
+    let position = mover.base + mover.offset;
     for (var k = 0u; k < 3u; k++) {
         let speed = mover.motion[k];
         if (params.axes[k] != 1u || speed == 0.0) {
             continue;
         }
         let wall = select(params.low[k] + mover.radius, params.high[k] - mover.radius, speed > 0.0);
-        let time = mover.time + max((wall - place[k]) / speed, 0.0);
+        let time = mover.time + max((wall - position[k]) / speed, 0.0);
         if (time < hit.time) {
             hit = WallHit(time, WALLS + 2u * k + select(0u, 1u, speed > 0.0));
         }
     }
     if (params.vessel_axis != NO_VESSEL) {
-        let at = across_vessel(place);
+        let at = across_vessel(position);
         let motion = across(mover.motion);
         let radius = params.vessel_radius - mover.radius;
         let distance = length(at);

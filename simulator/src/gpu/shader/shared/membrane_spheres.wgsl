@@ -37,8 +37,8 @@ var<private> inside: array<u32, 4>;
 fn membrane_sphere(kind: SpeciesRow, k: u32) -> MembraneSphere {
     let row = scene_rows[kind.membrane_spheres.x + 2u * k];
     let more = scene_rows[kind.membrane_spheres.x + 2u * k + 1u];
-    let place = bitcast<vec4<f32>>(row);
-    return MembraneSphere(place.xyz, place.w, bitcast<f32>(more.x), more.y, bitcast<f32>(more.z));
+    let sphere = bitcast<vec4<f32>>(row);
+    return MembraneSphere(sphere.xyz, sphere.w, bitcast<f32>(more.x), more.y, bitcast<f32>(more.z));
 }
 
 fn height_above(sphere: MembraneSphere, point: vec3<f32>) -> f32 {
@@ -147,7 +147,7 @@ fn nudge(kind: SpeciesRow, point: vec3<f32>) -> vec3<f32> {
     return found;
 }
 
-// Returns the beginning if no near place is on the right sides.
+// Returns the beginning if no near sphere is on the right sides.
 fn end_of(ray: Ray, start: Path, kind: SpeciesRow) -> Path {
     var point = ray.at;
     let unit = nudge(kind, ray.at);
