@@ -57,6 +57,22 @@ const PATTERNS: [(Pattern, &str); 16] = [
     (Pattern::Phrases(&["without a word", "last word", "in words"]), "(delete)"),
 ];
 
+/// Words that had several meanings in code, with a limit of their uses and better words.
+const AMBIGUOUS_WORDS: [(Pattern, usize, &str); 12] = [
+    (Pattern::Phrases(&["place"]), 19, "index, position, location"),
+    (Pattern::Phrases(&["edge"]), 7, "cell size, cell vector, side"),
+    (Pattern::Phrases(&["reach"]), 9, "cutoff, effective radius, distance"),
+    (Pattern::Phrases(&["share"]), 17, "fraction, range"),
+    (Pattern::Phrases(&["piece"]), 1, "chunk, tile, segment"),
+    (Pattern::Phrases(&["room"]), 11, "capacity, boundary"),
+    (Pattern::Phrases(&["way"]), 9, "path, displacement, direction"),
+    (Pattern::Phrases(&["turn"]), 8, "iteration, rotation"),
+    (Pattern::Phrases(&["kept"]), 10, "candidates, cached"),
+    (Pattern::Phrases(&["gone"]), 2, "removed, moved"),
+    (Pattern::Phrases(&["asked"]), 1, "requested"),
+    (Pattern::Phrases(&["fn of"]), 0, "new, from_…, or a noun"),
+];
+
 impl Pattern {
     fn matches(&self, line: &str) -> bool {
         let word = |c: char| c.is_alphanumeric() || c == '_';
@@ -126,9 +142,24 @@ fn unclear_openings(source: &str) -> usize {
     count
 }
 
+fn is_source(path: &Path) -> bool {
+    path.extension().is_some_and(|suffix| suffix == "rs" || suffix == "wgsl")
+}
+
+#[test]
+fn ambiguous_words_in_code_do_not_spread() {
+    let texts = texts();
+    let sources = texts.iter().filter(|(path, _)| is_source(path));
+    let lines: Vec<&str> =
+        sources.flat_map(|(_, text)| text.lines()).filter(|line| comment(line).is_none()).collect();
+    let uses = |pattern: &Pattern| lines.iter().filter(|line| pattern.matches(line)).count();
+    let counts = AMBIGUOUS_WORDS.iter().map(|(pattern, limit, better)| (uses(pattern), limit, better));
+    let above: Vec<_> = counts.filter(|(count, limit, _)| count > limit).collect();
+    assert!(above.is_empty(), "lines, their limit, and better words: {above:?}");
+}
+
 #[test]
 fn comments_begin_with_a_noun_or_a_verb() {
-    let is_source = |path: &Path| path.extension().is_some_and(|suffix| suffix == "rs" || suffix == "wgsl");
     let texts = texts();
     let sources = texts.iter().filter(|(path, _)| is_source(path));
     let unclear = sources.filter(|(_, text)| unclear_openings(text) > 0).map(|(path, _)| path);
