@@ -2,6 +2,7 @@
 //!
 //! The first chunk of work that fails ends the work with its error.
 
+use std::alloc::{GlobalAlloc, Layout, System};
 use std::error::Error as _;
 use std::hint::black_box;
 use std::sync::OnceLock;
@@ -205,12 +206,20 @@ pub fn thread_pool(threads: usize) -> Result<ThreadPool, Error> {
 /// Returns [`Error::OutOfMemory`] if the system refuses the memory.
 pub fn check_thread_memory(threads: usize) -> Result<(), Error> {
     let bytes = threads.saturating_mul(THREAD_MEMORY).saturating_add(MIN_MAPPED);
-    let mut memory = Vec::<u8>::new();
-    let refused = |_| Error::OutOfMemory { what: "stacks of threads", bytes: bytes as u64 };
-    memory.try_reserve_exact(bytes).map_err(refused)?;
-    // The compiler could remove an allocation without a use.
-    black_box(&memory);
-    Ok(())
+    // From the system itself: nothing uses this memory, so that an allocator that counts must not see it.
+    let is_available = Layout::from_size_align(bytes, 1).is_ok_and(|layout| {
+        // SAFETY: the size is above zero, and the same allocator frees the block with the same layout, once.
+        unsafe {
+            // The compiler could remove an allocation without a use.
+            let block = black_box(System.alloc(layout));
+            if !block.is_null() {
+                System.dealloc(block, layout);
+            }
+            !block.is_null()
+        }
+    });
+    let refused = Error::OutOfMemory { what: "stacks of threads", bytes: bytes as u64 };
+    if is_available { Ok(()) } else { Err(refused) }
 }
 
 fn useful(requested: usize, cores: usize) -> usize {
