@@ -87,10 +87,10 @@ impl CpuRun {
         all_requests(communicator, &self.simulation.binding_requests(moved))
     }
 
-    /// Adds the spared particles of all ranks, which others hold as ghosts.
+    /// Adds the spared particles of all ranks, which the search for pairs may migrate, or copy to others as ghosts.
     fn gather_spared<C: Communicator>(&mut self, communicator: &mut C) -> Result<(), C::Error> {
         let Simulation { dissociation, model, spared, .. } = &mut self.simulation;
-        if dissociation.is_empty() || model.reactions.is_empty() || !model.forms_dissociating() {
+        if dissociation.is_empty() || self.pair_search.is_none() || !model.forms_dissociating() {
             return Ok(());
         }
         let (mut all, _) = communicator.all_gather("ids of particles that do not dissociate", &spared[..])?;

@@ -263,6 +263,14 @@ proptest! {
 }
 
 #[test]
+fn migrated_products_dissociate_like_those_of_one_process() {
+    // Without reactions, contacts migrate products that do not dissociate within the step.
+    let features =
+        ModelFeatures { contact: Contact::Count, reactions: vec![], receivers: [0; 3], ..everything() };
+    compare(&model(&ModelFeatures { speed: false, arrivals: false, ..features }), 9, 12, &[2, 3]);
+}
+
+#[test]
 fn dissociation_products_start_at_the_parent() {
     let species = |name: &str| Species { name: name.into(), diffusion: 1.0, mass: 1.0, ..Species::default() };
     let burst = |name: &str, species, time| Transmitter {
