@@ -22,7 +22,7 @@ fn swimmers(boundary: Boundary, center: [f32; 3]) -> Model {
 
 fn released(model: &Model) -> Vec<Particle> {
     let events = PartialEvents::new(model);
-    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, receiver_moves: &[] };
+    let at = first_step(&events, &[]);
     let particles = model.release(at, RankSlice::WHOLE).expect("a release").particles;
     (0..particles.len()).map(|at| particles.get(at)).collect()
 }
@@ -54,6 +54,10 @@ fn a_vessel_reflects_velocities_since_the_release() {
         back += usize::from(dot < 0.0);
     }
     assert!(back.abs_diff(particles.len() / 2) <= 2, "{back} of {}", particles.len());
+}
+
+fn first_step<'a>(events: &'a PartialEvents, receiver_moves: &'a [ReceiverMove]) -> ReleaseStep<'a> {
+    ReleaseStep { events, key: Key::new(3), step: 1, next_id: 0, receiver_moves }
 }
 
 fn crowd() -> (Model, Vec<ReceiverMove>) {
@@ -93,13 +97,7 @@ fn crowd() -> (Model, Vec<ReceiverMove>) {
 fn distant_receivers_change_nothing() {
     let (model, receiver_moves) = crowd();
     let events = PartialEvents::new(&model);
-    let at = ReleaseStep {
-        events: &events,
-        key: Key::new(3),
-        step: 1,
-        next_id: 0,
-        receiver_moves: &receiver_moves,
-    };
+    let at = first_step(&events, &receiver_moves);
     let all: Vec<_> = events.surfaces.active_receivers.all.iter().collect();
     let batch = model.all_batches(1, at.key).next().expect("a batch");
     let born: Vec<_> = (0..batch.count)
@@ -132,13 +130,7 @@ fn distant_receivers_change_nothing() {
 fn neither_threads_nor_ranks_change_a_release() {
     let (model, receiver_moves) = crowd();
     let events = PartialEvents::new(&model);
-    let at = ReleaseStep {
-        events: &events,
-        key: Key::new(3),
-        step: 1,
-        next_id: 0,
-        receiver_moves: &receiver_moves,
-    };
+    let at = first_step(&events, &receiver_moves);
     let whole = model.release(at, RankSlice::WHOLE).expect("a release");
     assert!(whole.particles.len() > 5000 && whole.arrivals.len() > 100);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(7).build().expect("a pool");
