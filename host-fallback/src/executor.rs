@@ -5,6 +5,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::error::Error as _;
 use std::hint::black_box;
+use std::io;
 use std::sync::OnceLock;
 use std::thread::available_parallelism;
 
@@ -220,6 +221,15 @@ pub fn check_thread_memory(threads: usize) -> Result<(), Error> {
     });
     let refused = Error::OutOfMemory { what: "stacks of threads", bytes: bytes as u64 };
     if is_available { Ok(()) } else { Err(refused) }
+}
+
+/// Starts a thread with `spawn` if there is memory for it.
+///
+/// # Errors
+/// Returns [`Error::ThreadPool`] if the system refuses the thread, and [`Error::OutOfMemory`].
+pub fn start_thread<T>(spawn: impl FnOnce() -> io::Result<T>) -> Result<T, Error> {
+    check_thread_memory(1)?;
+    spawn().map_err(|error| Error::ThreadPool { threads: 1, reason: error.to_string() })
 }
 
 fn useful(requested: usize, cores: usize) -> usize {

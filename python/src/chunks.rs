@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
-use lazygrid::{Error, Exclusions, Pair, Query, Sphere, Spheres, check_thread_memory};
+use lazygrid::{Error, Exclusions, Pair, Query, Sphere, Spheres, start_thread};
 use pyo3::prelude::*;
 
 use crate::fork::Process;
@@ -40,14 +40,10 @@ impl Chunks {
         let query = borrowed.query()?;
         let exclusions = borrowed.exclusions();
         let owned = py.detach(|| OwnedQuery::new(&query, exclusions)).map_err(error::engine)?;
-        check_thread_memory(1).map_err(error::engine)?;
         let stopper = lease.stopper();
         let (to, chunks) = sync_channel(AHEAD);
         let thread = thread::Builder::new().name("lazygrid stream".into());
-        let spawned = thread.spawn(move || search(lease, &owned, chunk, &to));
-        spawned.map_err(|refused| {
-            error::engine(Error::ThreadPool { threads: 1, reason: refused.to_string() })
-        })?;
+        start_thread(|| thread.spawn(move || search(lease, &owned, chunk, &to))).map_err(error::engine)?;
         Ok(Self { chunks: Mutex::new(Some(chunks)), stopper, process: Process::current() })
     }
 

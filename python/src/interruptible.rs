@@ -10,7 +10,7 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread::{self, Builder};
 use std::time::Duration;
 
-use lazygrid::{Error, check_thread_memory};
+use lazygrid::start_thread;
 use pyo3::prelude::*;
 
 /// At or above this number of spheres a call uses another thread. A smaller call takes milliseconds, or a second if all
@@ -44,17 +44,16 @@ pub(crate) fn interruptible<R: Send>(
 }
 
 pub(crate) fn poll_signals<R: Send>(cancel: &AtomicBool, work: impl FnOnce() -> R + Send) -> PyResult<R> {
-    check_thread_memory(1).map_err(crate::error::engine)?;
     thread::scope(|scope| {
         let (done_sender, finished) = sync_channel(1);
-        let worker = Builder::new().name("lazygrid".into()).spawn_scoped(scope, move || {
+        let work = move || {
             let result = work();
             // The receiver also notices a dropped sender.
             let _ = done_sender.send(());
             result
-        });
-        let refused = |error: std::io::Error| Error::ThreadPool { threads: 1, reason: error.to_string() };
-        let worker = worker.map_err(|error| crate::error::engine(refused(error)))?;
+        };
+        let thread = Builder::new().name("lazygrid".into());
+        let worker = start_thread(|| thread.spawn_scoped(scope, work)).map_err(crate::error::engine)?;
         let mut signal = None;
         while let Err(RecvTimeoutError::Timeout) = finished.recv_timeout(SIGNAL_POLL) {
             if let Err(raised) = Python::attach(|py| py.check_signals()) {

@@ -13,7 +13,7 @@ use lazygrid_kernels::Pair;
 
 use super::sink::{ChunkTarget, ChunkedOutput, PairConsumer};
 use crate::Error;
-use crate::executor::check_thread_memory;
+use crate::executor::start_thread;
 
 /// Runs `search`, and `consume` on a new thread. Recycles `free_chunks`.
 pub(crate) fn deliver_unordered(
@@ -21,7 +21,6 @@ pub(crate) fn deliver_unordered(
     free_chunks: &mut Vec<Vec<Pair>>,
     search: impl FnOnce(&ChunkedOutput<'_>) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    check_thread_memory(1)?;
     // With one waiting chunk per thread, no thread waits for a consumer that keeps up.
     let (sender, receiver) = sync_channel(rayon::current_num_threads());
     let end = sender.clone();
@@ -30,9 +29,7 @@ pub(crate) fn deliver_unordered(
         let thread = thread::Builder::new().name("lazygrid-stream".to_owned());
         let chunks: Receiver<Vec<Pair>> = receiver;
         let output = &output;
-        let consumer = thread
-            .spawn_scoped(scope, move || output.consume(&chunks, consume))
-            .map_err(|error| Error::ThreadPool { threads: 1, reason: error.to_string() })?;
+        let consumer = start_thread(|| thread.spawn_scoped(scope, move || output.consume(&chunks, consume)))?;
         let end = EndOnDrop(end);
         let searched = search(output);
         drop(end);

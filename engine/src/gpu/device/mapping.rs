@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, Waker};
 use std::time::Duration;
 
+use lazygrid_host::start_thread;
+
 use crate::Error;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,11 +53,7 @@ impl Mapping {
         };
         match wait {
             Wait::Blocking => wait_for(),
-            Wait::Async => {
-                if let Err(error) = std::thread::Builder::new().spawn(wait_for) {
-                    return Err(Error::ThreadPool { threads: 1, reason: error.to_string() });
-                }
-            }
+            Wait::Async => drop(start_thread(|| std::thread::Builder::new().spawn(wait_for))?),
         }
         self.await
     }
