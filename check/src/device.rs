@@ -41,10 +41,7 @@ pub fn download<T: Pod>(gpu: &GpuDevice, from: &wgpu::Buffer, count: usize) -> R
         encoder.copy_buffer_to_buffer(from, 0, &staging, 0, bytes);
         Ok(())
     })?;
-    gpu.with_error_scope("a readback", bytes, || staging.slice(..).map_async(wgpu::MapMode::Read, |_| ()))?;
-    wait(gpu)?;
-    let refused = |reason: String| Error::DeviceRejected { what: "a readback", reason };
-    let view = staging.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
+    let view = gpu.map_for_reading(&staging, None, TIMEOUT)?;
     Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
 }
 

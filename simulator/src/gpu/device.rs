@@ -69,19 +69,8 @@ pub(super) fn read(
         }
         offset += bytes;
     }
-    with_error_scope(gpu, "the readback", size, || gpu.queue.submit([encoder.finish()]))?;
-    let lost = |reason: String| refused(lazygrid::Error::DeviceLost { reason });
-    let (tell, answer) = std::sync::mpsc::channel();
-    let on_mapped = move |result| drop(tell.send(result));
-    with_error_scope(gpu, "the readback", size, || {
-        staging.slice(..).map_async(wgpu::MapMode::Read, on_mapped)
-    })?;
-    let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
-    gpu.poll(wait).map_err(refused)?;
-    // Another polling thread may deliver the answer slightly later.
-    let mapped = answer.recv_timeout(TIMEOUT).map_err(|_| lost("no answer to a readback".to_owned()))?;
-    mapped.map_err(|error| lost(error.to_string()))?;
-    let view = staging.slice(..).get_mapped_range().map_err(|error| lost(error.to_string()))?;
+    let submission = with_error_scope(gpu, "the readback", size, || gpu.queue.submit([encoder.finish()]))?;
+    let view = gpu.map_for_reading(&staging, Some(submission), TIMEOUT).map_err(refused)?;
     let mut rest = &view[..];
     let mut take = |&(_, bytes): &(&wgpu::Buffer, u64)| {
         let (first, others) = rest.split_at(bytes as usize);

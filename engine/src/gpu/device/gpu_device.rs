@@ -1,5 +1,6 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::Duration;
 
 use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 
@@ -144,6 +145,20 @@ impl GpuDevice {
     /// [`Error::Timeout`] and [`Error::DeviceLost`]; [`Error::DeviceRejected`] for another device's submission.
     pub fn poll(&self, until: wgpu::PollType) -> Result<(), Error> {
         mapping::poll(&self.device, until)
+    }
+
+    /// Waits for `submission`, or for the newest if it is `None`, and maps all of `buffer` for reading.
+    ///
+    /// # Errors
+    /// [`Error::Timeout`], [`Error::DeviceLost`] and [`Error::DeviceRejected`].
+    pub fn map_for_reading(
+        &self,
+        buffer: &wgpu::Buffer,
+        submission: Option<wgpu::SubmissionIndex>,
+        timeout: Duration,
+    ) -> Result<wgpu::BufferView, Error> {
+        mapping::map_for_reading(&self.device, buffer, submission, timeout)
+            .map_err(|error| self.reason(error))
     }
 
     pub(crate) fn check_lost(&self) -> Result<(), Error> {

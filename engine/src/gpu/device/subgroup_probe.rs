@@ -10,7 +10,7 @@ use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::kernel::SubgroupProbe;
 
 use super::error_scope::with_error_scope;
-use super::mapping::{Mapping, Wait};
+use super::mapping::map_for_reading;
 use super::pipelines::{Pipeline, Pipelines};
 use crate::Error;
 
@@ -81,10 +81,7 @@ fn probed(device: &wgpu::Device, queue: &wgpu::Queue, smallest: u32) -> Result<S
         encoder.copy_buffer_to_buffer(&result, 0, &staging, 0, size);
         (staging, queue.submit([encoder.finish()]))
     })?;
-    let mapping = Mapping::request(&staging);
-    pollster::block_on(mapping.finished(device, submission, TIMEOUT, Wait::Blocking))?;
-    let refused = |reason: String| Error::DeviceRejected { what: "the probe of subgroups", reason };
-    let view = staging.slice(..).get_mapped_range().map_err(|error| refused(error.to_string()))?;
+    let view = map_for_reading(device, &staging, Some(submission), TIMEOUT)?;
     let mut probe = SubgroupProbe::zeroed();
     bytemuck::bytes_of_mut(&mut probe).copy_from_slice(&view[..size as usize]);
     Ok(probe)

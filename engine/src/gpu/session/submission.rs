@@ -178,16 +178,13 @@ impl GpuSession {
             return Err(Error::TooManyInFlight { calls: MAX_IN_FLIGHT });
         };
         let start = Instant::now();
-        let waiting = pending.mapping.clone();
-        let submission = pending.submission.clone();
-        let finished = waiting.finished(&self.gpu.device, submission, self.timeout, wait).await;
+        let submission = Some(pending.submission.clone());
+        let finished = pending.mapping.finished(&self.gpu.device, submission, self.timeout, wait).await;
         self.gpu.check_lost()?;
         finished?;
         self.time("wait", start.elapsed());
         let start = Instant::now();
-        let view = pending.staging.slice(..).get_mapped_range();
-        let view =
-            view.map_err(|error| Error::DeviceRejected { what: "readback", reason: error.to_string() })?;
+        let view = pending.mapping.view()?;
         let returned = Readback(&view);
         let outcome = returned.outcome()?;
         if outcome.found() <= pending.staged.min(pending.capacity.into()) {
