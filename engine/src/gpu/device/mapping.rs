@@ -83,7 +83,7 @@ impl Mapping {
             Answer::Dropped => {}
         }
         let again = with_error_scope(device, "a second request for a readback", 0, || {
-            // The buffer is mapped, although nobody was told.
+            // The buffer may be mapped, because the mapping precedes the callback.
             self.buffer.unmap();
             Self::request(&self.buffer)
         })?;
