@@ -104,12 +104,12 @@ impl ParticleCounts {
         let mut ids = now.iter().sum();
         let mut mean = vec![0.0; now.len()];
         let moments = (steps - from.min(steps)).min(SAMPLES);
-        let moment =
-            |k: u32| from + (u64::from(steps - from) * u64::from(k) / u64::from(SAMPLES.min(moments))) as u32;
+        let moment = |k: u32| from + (u64::from(steps - from) * u64::from(k) / u64::from(moments)) as u32;
         for k in 0..moments {
             let (begin, end) = (moment(k), moment(k + 1));
             for transmitter in &model.transmitters {
-                for (species, count) in transmitter.mean_between([begin + 1, end + 1], model.time_step) {
+                let window = [begin, end].map(|step| step.saturating_add(1));
+                for (species, count) in transmitter.mean_between(window, model.time_step) {
                     now[species as usize] += count;
                     ids += count;
                 }
@@ -176,7 +176,10 @@ mod tests {
     use std::ops::ControlFlow;
     use std::path::Path;
 
+    use lazygrid::Algorithm;
+
     use super::*;
+    use crate::Simulation;
     use crate::run::Run;
     use crate::scenario::Scenario;
 
@@ -241,6 +244,16 @@ mod tests {
             let ratio = max_bytes as f64 / written as f64;
             assert!((1.0..limit).contains(&ratio), "{what}: {max_bytes} foretold, {written} written");
         }
+    }
+
+    #[test]
+    fn longest_run_has_an_estimate() {
+        let text = CLOUD.replace("0.01\nsteps = 400", "1e-9\nsteps = 4294967295");
+        let scenario = Scenario::parse(Path::new("s.toml"), text).unwrap();
+        let simulation = Simulation::new(scenario.model, 0, Algorithm::Auto).unwrap();
+        let output = Output { every: u32::MAX, ..scenario.output };
+        let estimate = DiskEstimate::new(&simulation, output, scenario.steps, &scenario.text);
+        assert!((40_000..60_000).contains(&estimate.max_bytes), "{estimate:?}");
     }
 
     #[test]
