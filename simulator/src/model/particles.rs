@@ -43,6 +43,15 @@ impl Particles {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
 
+    pub(crate) fn has_whole_columns(&self) -> bool {
+        let n = self.len();
+        let velocities = self.velocity.each_ref().map(Vec::len);
+        self.position.iter().all(|column| column.len() == n)
+            && (velocities == [n; 3] || velocities == [0; 3])
+            && self.radius.len() == n
+            && self.species.len() == n
+    }
+
     /// Reserves memory for `count` more particles.
     ///
     /// # Errors

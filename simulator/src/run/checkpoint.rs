@@ -206,14 +206,11 @@ fn forget_parts(path: &Path, step: u32, parts: u32) {
 }
 
 fn check_columns(path: &Path, particles: &Particles) -> Result<(), Error> {
-    let n = particles.len();
-    let velocities = particles.velocity.each_ref().map(Vec::len);
-    let is_whole = particles.position.iter().all(|column| column.len() == n)
-        && (velocities == [n; 3] || velocities == [0; 3])
-        && particles.radius.len() == n
-        && particles.species.len() == n;
-    let damage = || Damage::Content("its columns have different lengths".to_owned());
-    is_whole.then_some(()).ok_or_else(|| Error::Damaged { path: path.to_owned(), damage: damage() })
+    if particles.has_whole_columns() {
+        return Ok(());
+    }
+    let damage = Damage::Content("its columns have different lengths".to_owned());
+    Err(Error::Damaged { path: path.to_owned(), damage })
 }
 
 #[cfg(test)]

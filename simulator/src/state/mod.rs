@@ -139,6 +139,7 @@ impl State {
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
         let is_known = |species: u32| (species as usize) < model.species.len();
+        let lengths = |totals: &Totals| totals.lists().map(Vec::len).collect::<Vec<_>>();
         let is_of_species = |(&species, &radius): (&u32, &f32)| {
             model.species.get(species as usize).is_some_and(|species| species.radius == radius)
         };
@@ -150,8 +151,9 @@ impl State {
                 && is_known(held.species)
         };
         self.centers.len() == receivers
-            && self.totals.arrived.len() == receivers
-            && first_types.last() == Some(&(self.totals.occupied.len() as u32))
+            && lengths(&self.totals) == lengths(&Totals::new(model))
+            && self.particles.has_whole_columns()
+            && (self.particles.is_empty() || self.particles.has_velocity() == model.has_velocity())
             && self.bound.iter().all(known)
             && self.particles.species.iter().zip(&self.particles.radius).all(is_of_species)
     }
@@ -191,10 +193,13 @@ impl Totals {
         }
     }
 
+    fn lists(&self) -> impl Iterator<Item = &Vec<u64>> {
+        let Self { present, released, arrived, occupied, reacted, decayed, pairs: _, contacts: _ } = self;
+        [present, released, occupied, reacted, decayed].into_iter().chain(arrived)
+    }
+
     pub(crate) fn counts(&self) -> impl Iterator<Item = &u64> {
-        let Self { present, released, arrived, occupied, reacted, decayed, pairs, contacts } = self;
-        let lists = [present, released, occupied, reacted, decayed].into_iter().chain(arrived);
-        lists.flatten().chain([pairs, contacts])
+        self.lists().flatten().chain([&self.pairs, &self.contacts])
     }
 
     pub(crate) fn counts_mut(&mut self) -> impl Iterator<Item = &mut u64> {

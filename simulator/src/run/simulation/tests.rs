@@ -2,7 +2,7 @@ use lazygrid::Algorithm;
 
 use super::*;
 use crate::motion::collisions::tests::{remove_table, with_points};
-use crate::{Axis, Boundary, Contact, Error, Shape, Species, Transmitter};
+use crate::{Axis, Boundary, Contact, Decay, Error, Reaction, Shape, Species, Transmitter};
 
 #[test]
 fn collisions_without_the_table_are_the_same() {
@@ -49,6 +49,28 @@ fn three_particles(species: Species, contact: Contact) -> Simulation {
         ..Model::default()
     };
     Simulation::new(model, 1, Algorithm::Auto).expect("a model")
+}
+
+#[test]
+fn state_of_another_model_is_refused() {
+    let model = three_particles(Species::default(), Contact::Ignore).model;
+    let state = State::new(&model, 1).expect("a state");
+    let resume = |model: &Model, state: &State| {
+        Simulation::resume(model.clone(), 1, Algorithm::Auto, state.clone()).map(|_| ())
+    };
+    assert!(resume(&model, &state).is_ok());
+    let refused = |model: &Model, state: &State| {
+        let error = resume(model, state).expect_err("another model").to_string();
+        assert!(error.contains("of another model"), "{error}");
+    };
+    refused(&Model { decays: vec![Decay::default()], ..model.clone() }, &state);
+    let reaction = Reaction { products: [None; 2], ..Reaction::default() };
+    refused(&Model { reactions: vec![reaction], ..model.clone() }, &state);
+    let moving = Species { thermal_speed: 1.0, ..Species::default() };
+    refused(&Model { species: vec![moving], ..model.clone() }, &state);
+    let mut torn = state.clone();
+    torn.particles.position[1].pop();
+    refused(&model, &torn);
 }
 
 #[test]
