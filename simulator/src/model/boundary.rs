@@ -140,6 +140,18 @@ impl Boundary {
         self.axes == [Axis::Open; 3] && self.vessel.is_none()
     }
 
+    pub(crate) fn faulty_axis(&self) -> Option<String> {
+        let is_faulty = |axis: &Axis| match *axis {
+            Axis::Reflecting { low, high } | Axis::Periodic { low, high } => {
+                !(low < high && (high - low).is_finite())
+            }
+            Axis::Open | Axis::Frozen => false,
+        };
+        self.axes.iter().find(|axis| is_faulty(axis)).map(|axis| {
+            format!("the boundary has the axis {axis:?}; make its ends and their distance finite, and `high` larger")
+        })
+    }
+
     pub fn dimensions(&self) -> usize {
         self.axes.iter().filter(|axis| **axis != Axis::Frozen).count()
     }
@@ -232,6 +244,7 @@ impl Boundary {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Model;
 
     #[test]
     fn walls_mirror() {
@@ -259,6 +272,23 @@ mod tests {
             assert_eq!(axis.reverses(to), reverses, "{to}");
         }
         assert!(!Axis::Open.reverses(9.0) && !Axis::Periodic { low: 0.0, high: 1.0 }.reverses(1.5));
+    }
+
+    #[test]
+    fn axes_without_a_finite_extent_are_refused() {
+        let check = |low: f32, high: f32| {
+            let refused = [Boundary::reflecting, Boundary::periodic].map(|boundary| {
+                let boundary = boundary([0.0, low, 0.0], [1.0, high, 1.0]);
+                Model { time_step: 0.1, boundary, ..Model::default() }.check().is_err()
+            });
+            assert_eq!(refused[0], refused[1]);
+            refused[0]
+        };
+        assert!(!check(-1.0, 1.0) && !check(-1.5e38, 1.5e38));
+        for [low, high] in [[f32::NAN, 1.0], [0.0, f32::NAN], [0.0, f32::INFINITY], [1.0, 1.0], [2.0, 1.0]] {
+            assert!(check(low, high), "{low} {high}");
+        }
+        assert!(check(-3e38, 3e38), "minimum images in it are not numbers");
     }
 
     #[test]

@@ -74,6 +74,7 @@ impl Model {
     /// [`Error::Model`] with the first fault.
     pub fn check(&self) -> Result<(), Error> {
         positive("the time step", self.time_step)?;
+        refuse(self.boundary.faulty_axis())?;
         for species in &self.species {
             let name = |what: &str| format!("{what} of species {}", species.name);
             not_negative(&name("the radius"), species.radius.into())?;
@@ -87,42 +88,37 @@ impl Model {
                 ));
             }
             positive(&name("the mass"), species.mass)?;
-            if !species.drift.iter().all(|v| v.is_finite()) {
-                return Err(Error::Model(name("the drift") + " must be finite"));
-            }
-            if let Some(message) = self.misfit(species) {
-                return Err(Error::Model(message));
-            }
+            finite(&name("the drift"), &species.drift)?;
+            refuse(self.misfit(species))?;
         }
         let taxis = (0..self.species.len()).find_map(|species| self.faulty_chemotaxis(species));
-        if let Some(message) = self.faulty_attractant().map(|(_, message)| message).or(taxis) {
-            return Err(Error::Model(message));
-        }
-        if let Some(message) = self.idle_contact().or_else(|| self.groundless_flow()) {
-            return Err(Error::Model(message));
-        }
-        if let Some(message) = self.beyond_dimensions().or_else(|| self.release_beyond_range()) {
-            return Err(Error::Model(message));
-        }
-        if let Some([from, until]) = self.flow_pulse.filter(|[from, until]| !(*from >= 0.0 && from < until)) {
-            return Err(Error::Model(format!(
-                "the flow is on from {from} s until {until} s; the end must be later than the beginning"
-            )));
-        }
+        refuse(self.faulty_attractant().map(|(_, message)| message).or(taxis))?;
+        refuse(self.idle_contact().or_else(|| self.groundless_flow()))?;
+        refuse(self.beyond_dimensions().or_else(|| self.release_beyond_range()))?;
+        self.check_flow()?;
         self.check_vessel()?;
-        if let Some((_, message)) = self.faulty_membrane() {
-            return Err(Error::Model(message));
-        }
+        refuse(self.faulty_membrane().map(|(_, message)| message))?;
         self.reactions.iter().try_for_each(|reaction| self.check_reaction(reaction))?;
         self.decays.iter().try_for_each(|decay| self.check_decay(decay))?;
-        if let Some((_, message)) = faulty_chain(self) {
-            return Err(Error::Model(message));
-        }
+        refuse(faulty_chain(self).map(|(_, message)| message))?;
         self.check_channels()?;
         self.transmitters.iter().try_for_each(|transmitter| self.check_transmitter(transmitter))?;
         self.check_repeated_bursts()?;
         self.receivers.iter().try_for_each(|receiver| self.check_receiver(receiver))?;
-        self.faulty_absorber().map_or(Ok(()), |(_, message)| Err(Error::Model(message)))
+        refuse(self.faulty_absorber().map(|(_, message)| message))
+    }
+
+    fn check_flow(&self) -> Result<(), Error> {
+        let velocity = match self.flow {
+            Some(Flow::Plug(velocity)) => velocity,
+            Some(Flow::Poiseuille { mean }) => [mean; 3],
+            Some(Flow::Field(_)) | None => [0.0; 3],
+        };
+        finite("the velocity of the flow", &velocity)?;
+        let pulse = self.flow_pulse.filter(|[from, until]| !(*from >= 0.0 && from < until));
+        refuse(pulse.map(|[from, until]| {
+            format!("the flow is on from {from} s until {until} s; the end must be later than the beginning")
+        }))
     }
 
     pub(crate) fn resting_before(&self, receiver: &Receiver) -> Option<String> {
@@ -197,27 +193,22 @@ impl Model {
                 name("the surface diffusion") + " moves bound particles; give it receptors, or set 0",
             ));
         }
-        if !receiver.velocity.iter().all(|v| v.is_finite()) {
-            return Err(Error::Model(name("the velocity") + " must be finite"));
-        }
+        finite(&name("the velocity"), &receiver.velocity)?;
+        finite(&name("the center"), &receiver.center.map(f64::from))?;
+        not_negative(&name("the radius"), receiver.radius.into())?;
         match receiver.kind {
             ReceiverKind::Partial(Adsorption::PerStep(probability)) => {
                 is_probability(&name("the probability"), probability)?
             }
             ReceiverKind::Partial(Adsorption::Reactivity(rate)) => not_negative(&name("the rate"), rate)?,
-            ReceiverKind::Wall(face) => {
-                if let Some(message) = self.missing_wall(&receiver.name, face) {
-                    return Err(Error::Model(message));
-                }
-            }
+            ReceiverKind::Wall(face) => refuse(self.missing_wall(&receiver.name, face))?,
             _ => {}
         }
         self.check_receptors(receiver)?;
         if receiver.reflects_some() {
             positive(&name("the radius"), receiver.radius.into())?;
         }
-        let fault = self.resting_before(receiver).or_else(|| self.overlaps_wall(receiver));
-        fault.map_or(Ok(()), |message| Err(Error::Model(message)))
+        refuse(self.resting_before(receiver).or_else(|| self.overlaps_wall(receiver)))
     }
 
     fn check_receptors(&self, receiver: &Receiver) -> Result<(), Error> {
@@ -375,6 +366,15 @@ impl Model {
             Some(s) => Err(Error::Model(format!("{owner} names species {s} but there are {count}"))),
         }
     }
+}
+
+fn refuse(fault: Option<String>) -> Result<(), Error> {
+    fault.map_or(Ok(()), |message| Err(Error::Model(message)))
+}
+
+fn finite(what: &str, values: &[f64; 3]) -> Result<(), Error> {
+    let fault = (!values.iter().all(|v| v.is_finite())).then(|| format!("{what} is {values:?}; it must be finite"));
+    refuse(fault)
 }
 
 fn positive(what: &str, value: f64) -> Result<(), Error> {
