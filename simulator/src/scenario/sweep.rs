@@ -227,8 +227,15 @@ fn element_names(value: &DeValue<'_>, index: usize, count: usize) -> Vec<String>
 }
 
 fn value_span(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), String> {
-    if let Some(found) = known.iter().find(|known| known.path == key.path) {
-        return Ok((found.span.clone(), found.is_string));
+    let mut found = known.iter().filter(|known| known.path == key.path);
+    if let Some(first) = found.next() {
+        return match found.any(|other| other.span != first.span) {
+            false => Ok((first.span.clone(), first.is_string)),
+            true => Err(format!(
+                "the scenario has several keys '{}' to sweep; name the list entry by its index, or rename an entry",
+                excerpt(key.path.as_bytes())
+            )),
+        };
     }
     let near = nearest(&key.path, known.iter().map(|known| &known.path[..])).unwrap_or_default();
     let (path, near) = (excerpt(key.path.as_bytes()), excerpt(near.as_bytes()));
