@@ -71,11 +71,15 @@ impl RankLines {
         if self.bytes.is_empty() && !self.is_first {
             return Ok((Frame::default(), None));
         }
-        let mut options = options;
-        options.format = Some(Format::Csv);
+        let options = Options { format: Some(Format::Csv), ..options };
+        // Before the first row, a comment could replace the header.
+        let skipped = if self.is_first { 0 } else { comments(&self.bytes) };
+        let mut bytes = self.bytes;
+        let before = before + newlines(&bytes[..skipped]);
+        bytes.drain(..skipped);
         let head = newlines(&self.head);
-        let length = (self.head.len() + self.bytes.len()) as u64;
-        let input = Cursor::new(self.head).chain(Cursor::new(self.bytes));
+        let length = (self.head.len() + bytes.len()) as u64;
+        let input = Cursor::new(self.head).chain(Cursor::new(bytes));
         let mut frames =
             Frames::new(path, input, Some(length), options).map_err(|error| error.to_string())?;
         let frame = frames.next().transpose().map_err(|mut error| {
@@ -93,6 +97,12 @@ impl RankLines {
 
 fn newlines(bytes: &[u8]) -> u64 {
     bytes.iter().filter(|&&byte| byte == b'\n').count() as u64
+}
+
+/// Returns the length of the comments and blank lines before the first row.
+fn comments(lines: &[u8]) -> usize {
+    let is_comment = |line: &&[u8]| matches!(line.trim_ascii().first(), None | Some(b'#'));
+    lines.split_inclusive(|&byte| byte == b'\n').take_while(is_comment).map(<[u8]>::len).sum()
 }
 
 fn head(start: &[u8]) -> Option<usize> {
@@ -136,6 +146,22 @@ mod tests {
         assert_eq!(head("# x y\n# x,y,z,r\n1,2,3,4\n"), Some(16));
         assert_eq!(head("\u{feff}x,y,z,r\n1,2,3,4\n"), Some(11));
         assert_eq!((head("# x,y,z,r\n"), head(""), head("x,y,z,r")), (None, None, None));
+    }
+
+    #[test]
+    fn later_comment_does_not_replace_the_header() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.csv");
+        std::fs::write(&path, "# x,y,z,r\n1.00000,2.00000,3,4\n# r,x,y,z\n5,6,7,8\n,\n").unwrap();
+        let rows = TextRows::open(&path).unwrap().unwrap();
+        let lines = rows.lines_of(&path, 1, 2).unwrap();
+        assert!(lines.bytes.starts_with(b"# r,x,y,z\n5,"), "{lines:?}");
+        let error = lines.read(&path, Options::default(), 1).unwrap_err();
+        assert!(error.contains("a.csv, line 5: "), "{error}");
+        std::fs::write(&path, "# x,y,z,r\n1.00000,2.00000,3,4\n# r,x,y,z\n5,6,7,8.0\n").unwrap();
+        let rows = TextRows::open(&path).unwrap().unwrap();
+        let (frame, _) = rows.lines_of(&path, 1, 2).unwrap().read(&path, Options::default(), 1).unwrap();
+        assert_eq!(frame.as_spheres().get_f64(0), [5.0, 6.0, 7.0, 8.0]);
     }
 
     #[test]
