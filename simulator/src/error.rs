@@ -19,7 +19,7 @@ pub enum Error {
     #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
     OutOfMemory {
         particles: u64,
-        /// Bytes of one column.
+        /// Of one column.
         bytes: u64,
     },
     #[error(
@@ -127,7 +127,7 @@ pub enum Error {
     Checkpoint { path: PathBuf, message: String },
 }
 
-/// A difference between a damaged file and the written one.
+/// The damage of a file.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Damage {

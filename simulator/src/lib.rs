@@ -4,9 +4,8 @@
 //! A [`Model`] describes the system and a [`Simulation`] advances it. A run depends on its seed alone, not on threads,
 //! the order of particles or the detection algorithm.
 //!
-//! `gpu` runs on a GPU, an [`AnySimulation`] on either backend, and [`ranks`] over several processes.
-//!
-//! Lengths are in µm, times in s.
+//! `gpu` runs on a GPU, an [`AnySimulation`] on either backend, and [`ranks`] over several processes. Lengths are in
+//! µm, times in s.
 //!
 //! ```
 //! use lazygrid::Algorithm;

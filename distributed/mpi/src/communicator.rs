@@ -53,7 +53,7 @@ impl MpiCommunicator {
             (outgoing, incoming);
         let limit = self.limit / size_of::<T>().max(1) as u64;
         let rounds = MessageRounds::new(limit, self.ranks()).map_err(|_| self.too_small(what))?;
-        self.count_sent(leaving.total() * size_of::<T>(), 1);
+        self.count_sent(leaving.total() * size_of::<T>());
         // The first round is the largest.
         let buffers =
             try_zeroed(what, leaving.in_round(rounds, 0).total() as u64, self.rank()).and_then(|out| {
@@ -62,7 +62,7 @@ impl MpiCommunicator {
         let (mut out, mut into): (Vec<T>, Vec<T>) = self.agree(buffers)?;
         for round in 0..rounds.count(most) {
             let (leaving, coming) = (leaving.in_round(rounds, round), coming.in_round(rounds, round));
-            // Copies the segments of a round, since offsets in a message have 32 bits.
+            // Copies the segments, since offsets in a message have 32 bits.
             let ranks = 0..leaving.lengths().len();
             out.clear();
             ranks.clone().for_each(|rank| out.extend_from_slice(&send[leaving.range(rank)]));
@@ -92,12 +92,12 @@ impl MpiCommunicator {
     }
 
     fn too_small(&self, what: &str) -> Error {
-        let range = format!("it does not let an element of {what} to each of {} ranks", self.ranks());
+        let range = format!("it is below an element of {what} for each of {} ranks; raise it", self.ranks());
         Error::Setting { name: "message_limit".to_owned(), value: self.limit.to_string(), range }
     }
 
-    fn count_sent(&mut self, bytes: usize, to: usize) {
-        self.sent += (bytes * to) as u64;
+    fn count_sent(&mut self, bytes: usize) {
+        self.sent += bytes as u64;
     }
 }
 
@@ -123,7 +123,7 @@ impl RankCommunicator for MpiCommunicator {
     fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64> {
         let mut sums = vec![0; values.len()];
         self.comm.all_reduce_into(values, &mut sums[..], SystemOperation::sum());
-        self.count_sent(size_of_val(values), 1);
+        self.count_sent(size_of_val(values));
         sums
     }
 
@@ -142,7 +142,7 @@ impl RankCommunicator for MpiCommunicator {
         let bytes = byte_counts::<T>(&counts);
         let mut into = PartitionMut::new(bytes_mut(&mut all), &bytes[..], begins(&bytes));
         self.comm.all_gather_varcount_into(bytes_of(local), &mut into);
-        self.count_sent(size_of_val(local) + size_of::<u64>(), ranks - 1);
+        self.count_sent((size_of_val(local) + size_of::<u64>()) * (ranks - 1));
         Ok((all, counts))
     }
 
@@ -156,7 +156,7 @@ impl RankCommunicator for MpiCommunicator {
         let lengths: Vec<u64> = counts.iter().map(|&count| count as u64).collect();
         let mut received_counts = vec![0_u64; lengths.len()];
         self.comm.all_to_all_into(&lengths[..], &mut received_counts[..]);
-        self.count_sent(size_of::<u64>(), lengths.len() - 1);
+        self.count_sent(size_of::<u64>() * (lengths.len() - 1));
         let leaving = RankSegments::new(counts.to_vec());
         let coming = RankSegments::new(received_counts.iter().map(|&count| count as usize).collect());
         let buffer = try_zeroed(what, received_counts.iter().sum(), self.rank());
@@ -188,7 +188,7 @@ impl RankCommunicator for MpiCommunicator {
     }
 }
 
-pub(crate) fn try_zeroed<T: Pod>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, Error> {
+fn try_zeroed<T: Pod>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, Error> {
     let mut buffer = try_reserved(what, elements, rank)?;
     buffer.resize(elements as usize, T::zeroed());
     Ok(buffer)
@@ -206,8 +206,7 @@ pub fn try_reserved<T>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, E
     reserved.map(|()| buffer).ok_or_else(|| Error::OutOfMemory { rank, what: what.to_owned(), bytes })
 }
 
-/// An empty vector of bytes has the address 1, `MPI_IN_PLACE` of Open MPI. Empty vectors of larger numbers
-/// have another address.
+/// An empty slice of bytes has the address 1, `MPI_IN_PLACE` of Open MPI; one of larger numbers has another.
 fn bytes_of<T: Pod>(buffer: &[T]) -> &[u8] {
     match buffer {
         [] => bytemuck::cast_slice::<u64, u8>(&[]),

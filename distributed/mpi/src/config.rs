@@ -9,8 +9,8 @@ pub enum Ownership {
     /// Spheres stay on the caller's ranks.
     #[default]
     Keep,
-    /// [`rebalance`](crate::Distributed::rebalance) moves spheres to their domains. It rebuilds domains if a
-    /// rank has more than `bound` times the mean load.
+    /// [`rebalance`](crate::Distributed::rebalance) moves spheres to their domains, and rebuilds these if a rank has
+    /// more than `bound` times the mean load.
     Balance {
         /// At least 1.
         bound: f64,
@@ -31,8 +31,8 @@ pub enum Delivery {
     Owners,
 }
 
-/// Settings of a [`Distributed`](crate::Distributed). Only backend, threads, `max_pairs` and `detector` may
-/// differ between ranks.
+/// Settings of a [`Distributed`](crate::Distributed). Backend, threads, `max_pairs` and `detector` may differ between
+/// ranks.
 #[derive(Clone, Debug)]
 pub struct Config {
     pub(crate) detector: lazygrid::Config,
@@ -120,8 +120,7 @@ impl Config {
         self
     }
 
-    /// Other settings of the detector. This configuration overrides its space, interactions, order, backend
-    /// and limits.
+    /// Other settings of the detector. This configuration overrides its space, interactions, order, backend and limits.
     pub fn detector(mut self, detector: lazygrid::Config) -> Self {
         self.detector = detector;
         self
@@ -149,7 +148,7 @@ impl Config {
         let refuse = |name: &str, value: String, range: String| {
             Err(Error::Setting { name: name.to_owned(), value, range })
         };
-        // The largest element has 32 bytes.
+        // Two of the largest elements, for each rank.
         let least = 64 * u64::from(ranks);
         if !(least..=i32::MAX as u64).contains(&self.message_limit) {
             let range =

@@ -18,7 +18,7 @@ use crate::{
     SphereRef,
 };
 
-/// Finds overlapping pairs among the spheres of all ranks, as one process with all spheres would.
+/// Finds overlapping pairs among the spheres of all ranks, like one process with all spheres.
 ///
 /// Every method except [`report`](Self::report) is collective: all ranks call it in the same order.
 pub struct Distributed {
@@ -101,13 +101,9 @@ impl Distributed {
     /// # Errors
     /// [`Error::Input`] for another number of elements; [`Error::OutOfMemory`].
     pub fn migrate_data<T: Pod>(&mut self, migration: &Migration, column: &[T]) -> Result<Vec<T>, Error> {
-        let (rank, length, expected) = (self.comm.rank(), column.len(), migration.spheres());
+        let (length, expected) = (column.len(), migration.spheres());
         let lengths = lazygrid::InputError::Lengths { what: "column", length, expected };
-        let checked = if length == expected {
-            Ok(())
-        } else {
-            Err(Error::Input { rank, index: None, message: lengths.to_string() })
-        };
+        let checked = if length == expected { Ok(()) } else { Err(self.comm.failure(lengths.to_string())) };
         self.comm.agree(checked)?;
         migration.apply(&mut self.comm, "what follows the spheres", |k| column[k as usize])
     }
@@ -215,13 +211,11 @@ impl Distributed {
         &mut self,
         wrapped: Result<Vec<WrappedSphere<T>>, lazygrid::Error>,
     ) -> Result<Vec<Vec<u32>>, Error> {
-        let (rank, ranks) = (self.comm.rank(), self.comm.ranks());
+        let rank = self.comm.rank();
         let wrapped = self.comm.agree(wrapped.map_err(|error| Error::from_detector(rank, error)))?;
         let bounds = RankBounds::gather(&mut self.comm, &wrapped)?;
         let leaving = self.pool.install(|| bounds.ghosts(rank, &wrapped, &self.wrapper));
-        let leaving = self.comm.agree(leaving.map_err(|error| Error::from_detector(rank, error)))?;
-        debug_assert_eq!(leaving.len(), ranks as usize);
-        Ok(leaving)
+        self.comm.agree(leaving.map_err(|error| Error::from_detector(rank, error)))
     }
 
     fn search(

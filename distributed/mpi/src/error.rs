@@ -36,12 +36,7 @@ pub enum Error {
         "rank {rank}: no memory for {what}: {bytes} bytes were refused; use more nodes or fewer ranks on each, or \
          count or stream the pairs"
     )]
-    OutOfMemory {
-        rank: u32,
-        what: String,
-        /// Requested bytes.
-        bytes: u64,
-    },
+    OutOfMemory { rank: u32, what: String, bytes: u64 },
     /// Nothing was truncated.
     #[error(
         "rank {rank}: {found} pairs are more than the limit of {limit} for the list of a rank; count or stream them, \
@@ -53,9 +48,9 @@ pub enum Error {
     #[error("{what}: {needed} bytes are more than the {limit} that one message can carry; use fewer ranks")]
     Message {
         what: String,
-        /// Size in bytes.
+        /// In bytes.
         needed: u64,
-        /// Limit in bytes.
+        /// In bytes.
         limit: u64,
     },
 }

@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use lazygrid_ranks::{Communicator, Digest};
 
-use crate::communicator::{MpiCommunicator, try_zeroed};
+use crate::communicator::{MpiCommunicator, try_reserved};
 use crate::{Error, LocalSpheres};
 
 #[derive(Debug, Default)]
@@ -75,19 +75,13 @@ impl IdCheck {
 fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Error> {
     let (rank, ranks) = (comm.rank(), comm.ranks());
     let records = comm.agree(records(local, rank, ranks))?;
-    let (records, counts) = comm.all_to_all_v("ids", &records.0, &records.1)?;
-    let from = (0..).zip(&counts).flat_map(|(rank, &count)| std::iter::repeat_n(rank, count));
-    let met = try_zeroed("ids", records.len() as u64, rank).map(|mut met: Vec<IdRecord>| {
-        // An index has 32 bits.
-        let placed =
-            |(record, rank): (&IdRecord, u64)| IdRecord { index: rank << 32 | record.index, ..*record };
-        met.iter_mut().zip(records.iter().zip(from).map(placed)).for_each(|(met, record)| *met = record);
-        met.sort_unstable_by_key(|record| (record.id, record.index));
-        met
-    });
-    let met = comm.agree(met)?;
+    let (mut records, counts) = comm.all_to_all_v("ids", &records.0, &records.1)?;
+    let from = (0_u64..).zip(&counts).flat_map(|(rank, &count)| std::iter::repeat_n(rank, count));
+    // An index has 32 bits.
+    records.iter_mut().zip(from).for_each(|(record, rank)| record.index |= rank << 32);
+    records.sort_unstable_by_key(|record| (record.id, record.index));
     let rank_and_index = |record: &IdRecord| [(record.index >> 32) as u32, record.index as u32];
-    let duplicate = match met.windows(2).find(|two| two[0].id == two[1].id) {
+    let duplicate = match records.windows(2).find(|two| two[0].id == two[1].id) {
         Some([one, other]) => {
             Err(Error::DuplicateId { id: one.id, first: rank_and_index(one), second: rank_and_index(other) })
         }
@@ -98,11 +92,9 @@ fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Er
 
 fn records(local: LocalSpheres<'_>, rank: u32, ranks: u32) -> Result<(Vec<IdRecord>, Vec<usize>), Error> {
     let mut counts = vec![0; ranks as usize];
-    let mut records: Vec<IdRecord> = try_zeroed("ids", local.ids.len() as u64, rank)?;
-    for ((index, &id), record) in (0..).zip(local.ids).zip(&mut records) {
-        *record = IdRecord { id, index };
-        counts[Digest::home_rank(id, ranks) as usize] += 1;
-    }
+    let mut records: Vec<IdRecord> = try_reserved("ids", local.ids.len() as u64, rank)?;
+    records.extend((0..).zip(local.ids).map(|(index, &id)| IdRecord { id, index }));
+    local.ids.iter().for_each(|&id| counts[Digest::home_rank(id, ranks) as usize] += 1);
     records.sort_unstable_by_key(|record| (Digest::home_rank(record.id, ranks), record.index));
     Ok((records, counts))
 }

@@ -13,7 +13,7 @@
 //! lazygrid_mpi::abort_on_panic();
 //!
 //! let rank = world.rank() as f32;
-//! let spheres = [Sphere::new([rank, 0.0, 0.0], 0.6)];           // those of this rank
+//! let spheres = [Sphere::new([rank, 0.0, 0.0], 0.6)];
 //! let ids = [world.rank() as u64];                              // unique among all ranks
 //! let mut distributed = Distributed::new(&world, Config::default())?;
 //! for pair in distributed.pairs(LocalSpheres::new(&spheres, &ids))? {  // on all ranks together

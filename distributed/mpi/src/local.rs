@@ -10,8 +10,8 @@ pub struct LocalSpheres<'a> {
 }
 
 impl<'a> LocalSpheres<'a> {
-    /// Requires species if there are interactions, ids that are unique among all ranks, and one length unit
-    /// and number type on all ranks.
+    /// Requires species if there are interactions, ids that are unique among all ranks, and one length unit and number
+    /// type on all ranks.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
         Self { spheres: spheres.into(), ids }
     }

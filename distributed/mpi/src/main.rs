@@ -45,7 +45,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Returns the common exit code if a rank's arguments are invalid. Collective.
+/// Returns the exit code of all if a rank's arguments are invalid. Collective.
 fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> Result<Args, ExitCode> {
     let mut refused = vec![false; world.size() as usize];
     world.all_gather_into(&parsed.is_err(), &mut refused[..]);

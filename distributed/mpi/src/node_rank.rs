@@ -60,7 +60,7 @@ impl RankDevice {
     }
 }
 
-/// Without a GPU of their own, ranks take the CPU, or share GPUs if only GPUs are allowed.
+/// Ranks without a GPU of their own take the CPU, or share GPUs if only GPUs are allowed.
 fn rank_device(backend: Backend, rank: usize, gpus: usize) -> RankDevice {
     match (backend, gpus) {
         // The detector reports missing GPUs.

@@ -1,10 +1,9 @@
-use bytemuck::Pod;
 use lazygrid_ranks::{
     Assignment, Communicator, Coordinate, LoadBalance, Migration, Particle, Partitioner, SphereWrapper,
     WrappedSphere,
 };
 
-use crate::communicator::{MpiCommunicator, try_zeroed};
+use crate::communicator::{MpiCommunicator, try_reserved};
 use crate::{Error, LocalSpheres, OwnedSpheres};
 
 #[derive(Clone, Debug)]
@@ -102,8 +101,8 @@ fn unpacked(
     Ok(OwnedSpheres { spheres, doubles, ids: column(came, rank, |particle| particle.id)?, species })
 }
 
-fn column<T: Pod>(came: &[Particle], rank: u32, field: impl Fn(&Particle) -> T) -> Result<Vec<T>, Error> {
-    let mut column = try_zeroed("spheres that change rank", came.len() as u64, rank)?;
-    column.iter_mut().zip(came).for_each(|(value, particle)| *value = field(particle));
+fn column<T>(came: &[Particle], rank: u32, field: impl Fn(&Particle) -> T) -> Result<Vec<T>, Error> {
+    let mut column = try_reserved("spheres that change rank", came.len() as u64, rank)?;
+    column.extend(came.iter().map(field));
     Ok(column)
 }

@@ -17,12 +17,11 @@ pub struct Simulated {
     pub summary: String,
 }
 
-/// Runs the simulator on all ranks, which need the same run, except [`Run::backend`], and see its directory.
-/// `watch` gets the completed steps on every rank; a break on one stops all. Ranks compute in the caller's
-/// rayon pool, and send from the calling thread.
+/// Runs the simulator on all ranks, which need the same run, except [`Run::backend`], and see its directory. `watch`
+/// gets the completed steps on every rank; a break on one stops all. Ranks compute in the caller's rayon pool, and send
+/// from the calling thread.
 ///
-/// Particles move on GPUs if all ranks use GPUs and the model has no reactions and contacts. Otherwise GPUs
-/// only find pairs.
+/// Particles move on GPUs if all ranks use GPUs and the model has no reactions and contacts. Otherwise GPUs find pairs.
 ///
 /// # Errors
 /// [`Error::Input`] with the simulator's message.

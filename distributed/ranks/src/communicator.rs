@@ -6,8 +6,7 @@ use crate::memory::try_collect;
 /// Elements by rank, and the count of each.
 pub type RankData<T> = (Vec<T>, Vec<usize>);
 
-/// Collective operations: unless stated, all ranks call them in the same order. `what` names the data in
-/// messages.
+/// Collective operations: unless stated, all ranks call them in the same order. `what` names the data in errors.
 pub trait Communicator {
     /// Equal on all ranks.
     type Error;

@@ -21,7 +21,7 @@ pub(crate) fn sequence(words: impl IntoIterator<Item = u64>) -> u64 {
     mix(hash ^ tie_breaker(length))
 }
 
-/// A digest of a set of ids, independent of order. Different sets collide with a probability of about 2⁻¹²⁸.
+/// A digest of ids in any order. Different sets collide with a probability of about 2⁻¹²⁸.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Digest {

@@ -11,13 +11,12 @@
 //! # Correctness
 //!
 //! 1. *Each pair is reported once.* Of two spheres on different ranks exactly one becomes a ghost at the
-//!    other's owner, which reports the pair. Both know the rule's size classes and ranks.
+//!    other's owner, which reports the pair. Both owners know the size classes and ranks of the rule.
 //! 2. *No pair is lost.* A sphere that may pair with one in a bounding box overlaps the box, within the
 //!    cutoff of the two species groups, by a test that no rounding makes fail ([`ClassBounds::overlaps`]).
 
 #![allow(missing_docs, reason = "most names and types are clear")]
 
-mod across;
 mod communicator;
 mod coordinate;
 mod difference;

@@ -22,8 +22,8 @@ impl LoadBalance {
         }
     }
 
-    /// Returns `true` if a rank has more than `bound` times the mean load, and more than a new partition,
-    /// whose imbalance was `fresh`, would give it.
+    /// Returns `true` if a rank has more than `bound` times the mean load, and more than it had in a new partition,
+    /// whose imbalance was `fresh`.
     pub fn is_imbalanced(&self, bound: f64, fresh: f64) -> bool {
         let mean = self.total as f64 / f64::from(self.ranks.max(1));
         self.most as f64 > mean * bound.max(fresh * 1.05) + Self::MIN_SURPLUS

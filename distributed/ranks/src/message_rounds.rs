@@ -2,8 +2,8 @@ use std::ops::Range;
 
 use crate::Error;
 
-/// Rounds of an exchange beyond one message, each with at most `limit / ranks` elements between two ranks, so that no
-/// rank sends or receives more than the limit.
+/// Rounds of an exchange, each with at most `limit / ranks` elements between two ranks, so that no rank sends or
+/// receives more than the limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MessageRounds {
     per_rank: u64,

@@ -19,8 +19,8 @@ impl BisectionPlane {
     }
 }
 
-/// Recursive bisection of space into one domain per rank. Only balance depends on it, so it can be kept for
-/// many steps. [Tie breakers](crate::tie_breaker) divide spheres of equal coordinates evenly.
+/// Recursive bisection of space into one domain per rank. Only balance depends on it, so it can serve many steps.
+/// [Tie breakers](crate::tie_breaker) divide spheres of equal coordinates evenly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Partition {
     domains: u32,

@@ -128,8 +128,7 @@ impl Migration {
         self.spheres() - self.counts[rank as usize]
     }
 
-    /// Moves `data(k)` of each sphere `k` to its destination. Returns data by previous rank and order.
-    /// Collective.
+    /// Moves `data(k)` of each sphere `k`. Returns data by previous rank and order. Collective.
     pub fn apply<T: Pod, C: Communicator>(
         &self,
         communicator: &mut C,

@@ -1,4 +1,4 @@
-//! A sample for a [`Partition`](crate::Partition), chosen by a hash of ids without a message.
+//! A sample for a [`Partition`](crate::Partition), chosen by a hash of ids without messages.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -48,7 +48,7 @@ impl SampleFilter {
 
     #[inline]
     pub fn takes(self, id: u64) -> bool {
-        // With the tie breaker's hash, samples at one point would all be on one side of its plane.
+        // By the tie breaker's hash, all samples at one point would be on one side of its plane.
         mix(id ^ 0x2545_F491_4F6C_DD1D) <= self.largest
     }
 }

@@ -1,8 +1,7 @@
 use std::ops::ControlFlow;
 
-use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Sphere, Spheres};
 
-use crate::across::{count_across, pairs_across};
 use crate::ghosts::ghost_rule::{RankAndClass, becomes_ghost};
 use crate::memory::try_collect;
 use crate::{Ghosts, Particle, SizeClass, SphereWrapper};
@@ -50,8 +49,8 @@ pub struct Search {
 
 impl Search {
     /// Creates the search of `rank`. A second detector, configured by `cpu`, searches between owned spheres and ghosts
-    /// unless `detector` takes two sets on the CPU: a GPU would get all owned spheres again for few ghosts, and the
-    /// paper's grids take one set. Both must have the wrapper's space and interactions.
+    /// unless `detector` takes two sets on the CPU: a GPU would get all owned spheres again, and the paper's grids take
+    /// one set. Both must have the wrapper's space and interactions.
     ///
     /// # Errors
     /// See [`Detector::new`], which gets `cpu`.
@@ -98,8 +97,10 @@ impl Search {
         }
         let classes = Classes::new(self, owned, ghosts)?;
         let mut reported = Vec::new();
+        let rows = GhostRows::new(owned, ghosts)?;
         let across = self.across.as_mut().unwrap_or(&mut self.detector);
-        pairs_across(across, owned, ghosts, |pairs| {
+        across.stream((owned, rows.spheres()?), CHUNK_PAIRS, |pairs| {
+            let pairs: &[[u32; 2]] = bytemuck::cast_slice(pairs);
             reported.clear();
             reported.extend(pairs.iter().filter(|&&pair| classes.reports(pair)));
             counts.with_ghosts += reported.len() as u64;
@@ -126,8 +127,37 @@ impl Search {
         }
         let local = self.detector.count(owned)?;
         let across = self.across.as_mut().unwrap_or(&mut self.detector);
-        let with_ghosts = count_across(across, owned, ghosts)?;
+        let with_ghosts = across.count((owned, GhostRows::new(owned, ghosts)?.spheres()?))?;
         Ok(PairCounts { local, with_ghosts, elsewhere: 0 })
+    }
+}
+
+struct GhostRows<'g> {
+    /// Empty if the ghosts have `f64` rows.
+    rows: Vec<Sphere>,
+    doubles: Option<&'g [[f64; 4]]>,
+    species: Option<Vec<u32>>,
+}
+
+impl<'g> GhostRows<'g> {
+    fn new(owned: Spheres<'_>, ghosts: &'g Ghosts) -> Result<Self, Error> {
+        let (doubles, ghosts) = (ghosts.doubles(), ghosts.particles());
+        let species = owned.species().map(|_| {
+            try_collect(ghosts.len(), ghosts.iter().map(|ghost| ghost.species), "the species of ghosts")
+        });
+        let rows = match doubles {
+            Some(_) => Vec::new(),
+            None => try_collect(ghosts.len(), ghosts.iter().map(|ghost| ghost.sphere), "ghosts")?,
+        };
+        Ok(Self { rows, doubles, species: species.transpose()? })
+    }
+
+    fn spheres(&self) -> Result<Spheres<'_>, Error> {
+        let rows = self.doubles.map_or_else(|| Spheres::from(&self.rows), Spheres::from);
+        Ok(match &self.species {
+            Some(species) => rows.with_species(species)?,
+            None => rows,
+        })
     }
 }
 
@@ -172,7 +202,7 @@ impl Classes {
     }
 
     fn all_report(&self) -> bool {
-        // A sphere that is a ghost for the largest class is one for all others.
+        // A ghost for the largest class is one for all others.
         let largest = self.owned.iter().max();
         largest.is_none_or(|&class| {
             let local = RankAndClass { rank: self.rank, class };

@@ -5,8 +5,8 @@
 //! 1. A setting has a 64-bit digest of its name and value, independent of builds, seeds and addresses.
 //! 2. Numbers enter exactly: as the shortest decimal text that reads back, or as bits. −0 counts as 0.
 //!    Spaces, tables and bounds refuse NaN.
-//! 3. All ranks compare all digests by the same rule, so all see the same difference or none. Only then
-//!    two of them send the texts.
+//! 3. All ranks compare all digests by the same rule, so all see the same difference or none. Then two of them send
+//!    the texts.
 //! 4. Unequal values collide with a probability of about 2⁻⁶⁴.
 
 use std::fmt::{self, Write};
@@ -41,7 +41,7 @@ struct Setting {
 }
 
 impl Settings {
-    /// Creates settings with the program's version, since versions may differ in data layouts.
+    /// Begins with the program's version, since versions may differ in data layouts.
     pub fn new(version: impl fmt::Display) -> Self {
         Self { each: Vec::new() }.with("version", version)
     }
@@ -53,7 +53,7 @@ impl Settings {
         self.add(Setting { name, text, digest })
     }
 
-    /// Sends a digest and `what` the value is, in place of a long text.
+    /// Shows `what` the value is and a digest in place of a long text.
     pub fn with_long(self, name: &'static str, what: impl fmt::Display, value: impl fmt::Display) -> Self {
         self.with_words(name, what, words(&value.to_string()))
     }

@@ -15,11 +15,11 @@ pub(crate) struct SpeciesGroups {
 }
 
 impl SpeciesGroups {
-    /// Groups add bounding boxes on all ranks. Further groups share these, which sends more ghosts and loses none.
+    /// Each group adds bounding boxes on all ranks. Further groups share these, which sends more ghosts and loses none.
     const MAX_GROUPS: u32 = 16;
 
-    /// Groups by partners and, within [`Self::MAX_GROUPS`], distances to a factor of two. Without
-    /// `has_cutoffs`, only radii limit distances.
+    /// Groups by partners and, up to [`Self::MAX_GROUPS`], by distances to a factor of two. Without `has_cutoffs`, only
+    /// radii limit distances.
     pub(crate) fn new(table: &Interactions, has_cutoffs: bool) -> Self {
         let cutoff = |one: u32, other: u32| {
             let distance = table.get(one, other).distance()?;
@@ -52,8 +52,8 @@ impl SpeciesGroups {
         self.groups.get(species as usize).copied().unwrap_or(self.count)
     }
 
-    /// Returns the largest center distance at which spheres of two groups pair, infinite if only radii limit
-    /// it; `None` if they never pair.
+    /// Returns the largest center distance of pairs of two groups, infinite if only radii limit it; `None` if they
+    /// never pair.
     #[inline]
     pub(crate) fn cutoff(&self, one: u32, other: u32) -> Option<f64> {
         if one.max(other) < self.count {
@@ -68,8 +68,7 @@ fn binade(distance: f64) -> u64 {
     distance.to_bits() >> 52
 }
 
-/// Species with equal rows share a group; so do rows with colliding hashes. Also returns the number of
-/// groups.
+/// Species with equal rows, or with colliding hashes of rows, share a group. Also returns the number of groups.
 fn grouped(species: u32, class: impl Fn(u32, u32) -> u64) -> (Vec<u32>, u32) {
     let mut of_rows = HashMap::new();
     let group = |one: u32| {

@@ -44,7 +44,7 @@ struct SpeciesTable {
 
 impl SphereWrapper {
     pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
-        // Orthogonalized radii grow by the rounding of positions, but cutoffs would not.
+        // Radii grow by the rounding of orthogonalized positions, but cutoffs would not.
         let has_cutoffs = space.triclinic_cell().is_none();
         let species = interactions.map(|table| SpeciesTable {
             species_radii: (0..table.species()).map(|species| table.species_radius(species)).collect(),
@@ -77,19 +77,23 @@ impl SphereWrapper {
         }
     }
 
+    #[inline]
+    fn radius_and_group<T>(
+        &self,
+        species: u32,
+        radius: T,
+        effective: impl FnOnce(&SpeciesRadius) -> T,
+    ) -> (T, u32) {
+        let Some(table) = &self.species else { return (radius, 0) };
+        let of_species = table.species_radii.get(species as usize);
+        (of_species.map_or(radius, effective), table.groups.group_of(species))
+    }
+
     /// An unknown species has the sphere's radius and may pair with all.
     #[inline]
     pub fn wrap(&self, sphere: Sphere, species: u32) -> WrappedSphere {
-        let (radius, group) = match &self.species {
-            None => (sphere.radius, 0),
-            Some(table) => {
-                let species_radius = table.species_radii.get(species as usize);
-                let radius = species_radius.map_or(sphere.radius, |species_radius| {
-                    species_radius.effective.for_radius(sphere.radius)
-                });
-                (radius, table.groups.group_of(species))
-            }
-        };
+        let effective = |of_species: &SpeciesRadius| of_species.effective.for_radius(sphere.radius);
+        let (radius, group) = self.radius_and_group(species, sphere.radius, effective);
         match &self.orthogonal {
             None => WrappedSphere { center: self.space.wrap(sphere.center).to_array(), radius, group },
             Some(orthogonal) => {
@@ -104,25 +108,16 @@ impl SphereWrapper {
     ///
     /// # Correctness
     ///
-    /// 1. Wrapping along an axis of length `L` rounds nothing, so wrapped centers have the distances of exact
-    ///    images.
+    /// 1. Wrapping along an axis of length `L` rounds nothing.
     /// 2. The contact test computes `(cj − ci) + S·L`, whose roundings add up to `2⁻⁵³·(4|ci| + 4|cj| + 2L)`
     ///    at most along an axis, and √3 times that in space. The boxes' distance across the boundary
-    ///    rounds by less than `2⁻⁵¹·L`. Each of the two radii grows by `2⁻⁴⁹·(|c| + L)`.
+    ///    rounds by less than `2⁻⁵¹·L`. Each radius grows by `2⁻⁴⁹·(|c| + L)`.
     /// 3. If this test takes another image than the nearest, the nearest is closer.
     /// 4. Orthogonalized radii grow in the same way ([`Orthogonalization`]).
     #[inline]
     pub fn wrap_f64(&self, [x, y, z, radius]: [f64; 4], species: u32) -> WrappedSphere<f64> {
-        let (radius, group) = match &self.species {
-            None => (radius, 0),
-            Some(table) => {
-                let species_radius = table.species_radii.get(species as usize);
-                (
-                    species_radius.map_or(radius, |species_radius| species_radius.for_radius(radius)),
-                    table.groups.group_of(species),
-                )
-            }
-        };
+        let (radius, group) =
+            self.radius_and_group(species, radius, |of_species| of_species.for_radius(radius));
         let mut center = [x, y, z];
         if let Some(orthogonal) = &self.orthogonal {
             let Sphere { center, radius } = orthogonal.sphere(center, radius, f64::from(f32::MAX));

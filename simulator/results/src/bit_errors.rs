@@ -118,13 +118,12 @@ impl BitErrors {
                 DetectionRule::Species => {
                     let observed =
                         |entry: usize| self.detector.value(counts.iter().map(|entries| entries[entry]));
-                    // First of equal ones.
                     (0..entries).rev().max_by_key(|&entry| observed(entry)).unwrap_or(0) as u64
                 }
             };
             SymbolObservation { sent, seen }
         };
-        // A slot between two rows shows nothing, not even a 0.
+        // A slot without a row shows not even a 0.
         let is_observed = |(_, rows): &(usize, Vec<Vec<u64>>)| !rows.is_empty();
         let all: Vec<SymbolObservation> = self
             .observed(files, model, slots)
@@ -163,7 +162,7 @@ impl BitErrors {
         counts
     }
 
-    /// Returns thresholds at which errors may change, and their wrong bits; empty unless a single threshold decides.
+    /// Returns thresholds at which errors may change, and wrong bits; empty unless a single threshold decides.
     pub fn by_threshold(&self) -> Vec<(u64, u64)> {
         let DetectionRule::Level(symbols) = &self.decision else { return Vec::new() };
         let &[low, high] = symbols.as_slice() else { return Vec::new() };
@@ -221,7 +220,7 @@ impl BitErrors {
         let mut seen: Vec<SymbolObservation> = self.slots.iter().flatten().copied().collect();
         seen.sort_unstable_by_key(|slot| slot.seen);
         let numbers: Vec<&[SymbolObservation]> = seen.chunk_by(|a, b| a.seen == b.seen).collect();
-        // Fewest errors of all higher levels, by rank of the threshold and level.
+        // Fewest errors from a level up, by rank of the quantity.
         let mut fewest = vec![vec![0_u64; symbols.len()]; numbers.len() + 1];
         let errors = |slots: &[SymbolObservation], level: usize| -> u64 {
             slots.iter().map(|slot| wrong_bits(slot.sent, symbols[level])).sum()

@@ -10,8 +10,7 @@ use lazygrid_sim::model::transmitter::Schedule;
 use lazygrid_sim::random::philox::Key;
 
 /// A receiver's count by symbol and time within the slot. Arrivals count from the last row at or before the slot's
-/// beginning to the row at its end. That row includes the next symbol's burst, so momentary counts assign it to the
-/// next slot.
+/// beginning to the row at its end. Momentary counts assign that row to the next slot, because it includes its burst.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CountsBySymbol {
     pub link: Link,

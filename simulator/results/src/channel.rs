@@ -145,7 +145,7 @@ impl Channels {
             .filter_map(|all| all.iter().min_by(|a, b| a.lowest_rate().total_cmp(&b.lowest_rate())))
     }
 
-    /// Writes the fraction of particles that arrives, or is inside, in each bin after the release.
+    /// Writes the fraction that arrives, or is inside, in each bin after the release.
     pub fn write_responses(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
@@ -157,7 +157,7 @@ impl Channels {
                 // A momentary count has no sum.
                 let cumulative = response.cumulative.get(k).copied().unwrap_or_default();
                 let [from, until] = [k, k + 1].map(|k| k as f64 * bin);
-                let name = names(response.link, model);
+                let name = names(response.link, model).join(",");
                 let values = [value(fraction), value(&cumulative)].join(",");
                 writeln!(out, "{name},{from},{until},{},{values}", fraction.count())?;
             }
@@ -170,7 +170,7 @@ impl Channels {
         writeln!(out, "transmitter,receiver,species,slot,replicas,fraction mean,fraction error")?;
         for interference in &self.interference {
             for (lag, fraction) in interference.by_lag.iter().enumerate() {
-                let name = names(interference.link, model);
+                let name = names(interference.link, model).join(",");
                 writeln!(out, "{name},{lag},{},{}", fraction.count(), value(fraction))?;
             }
         }
@@ -215,7 +215,7 @@ impl Channels {
     pub fn write_by_symbol(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,symbol,time,slots,count mean,count error")?;
         for counts in &self.by_symbol {
-            let name = names(counts.link, model);
+            let name = names(counts.link, model).join(",");
             for (symbol, by_time) in &counts.symbols {
                 for (&lag, sample) in by_time {
                     let time = f64::from(lag) * model.time_step;
@@ -238,21 +238,16 @@ fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
 }
 
 pub fn link_name(link: Link, model: &Model) -> String {
-    format!(
-        "{} to {}: {}",
-        model.transmitters[link.transmitter].name,
-        model.receivers[link.receiver].name,
-        model.species[link.species].name
-    )
+    let [transmitter, receiver, species] = names(link, model);
+    format!("{transmitter} to {receiver}: {species}")
 }
 
-fn names(link: Link, model: &Model) -> String {
-    let [transmitter, receiver, species] = [
+fn names(link: Link, model: &Model) -> [&str; 3] {
+    [
         &model.transmitters[link.transmitter].name,
         &model.receivers[link.receiver].name,
         &model.species[link.species].name,
-    ];
-    format!("{transmitter},{receiver},{species}")
+    ]
 }
 
 pub fn spaced(thresholds: &[u64]) -> String {

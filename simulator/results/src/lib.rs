@@ -15,6 +15,6 @@ pub mod series;
 pub mod sweep;
 pub mod symbols;
 
-/// Bytes of memory per field of a table whose rows stay in memory: 8 for a number, or for a row's type divided by its
-/// fields, doubled because vectors double as they grow.
+/// Bytes of memory per field of a table: 8 for a number, or for a row's type divided by its fields, doubled because
+/// vectors double as they grow.
 const BYTES_PER_FIELD: u64 = 16;

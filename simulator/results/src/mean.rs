@@ -5,7 +5,7 @@ use crate::series::Series;
 use lazygrid_sim::run::replicas::{ReplicaResults, Replicas};
 use lazygrid_sim::{Error, check_available, write_atomically};
 
-/// Exact statistics of integers, independent of the order of additions.
+/// Exact statistics of integers in any order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct IntegerStats {
     count: u64,
@@ -89,8 +89,8 @@ pub struct MeanSeries {
 }
 
 impl MeanSeries {
-    /// Averages the series of finished replicas and writes `mean.csv`. Removes from `results.finished` replicas whose
-    /// series misses the scenario's last row.
+    /// Averages the series of finished replicas and writes `mean.csv`. Removes replicas without the scenario's last row
+    /// from `results.finished`.
     ///
     /// # Errors
     /// [`Error::Read`], [`Error::Write`] and [`Error::TooLittleMemory`].

@@ -40,7 +40,7 @@ impl Link {
     }
 }
 
-/// The released species of a link. A replica that releases none of it adds no sample.
+/// The released species of a link. A replica without a release of it adds no sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SourceSpecies {
     /// The transmitter releases the arriving species.

@@ -16,7 +16,7 @@ pub struct SweepResult {
     pub bounds: Option<[f64; 2]>,
 }
 
-/// Group of the bit error rates, which plots show on logarithmic axes.
+/// Group that plots show on logarithmic axes.
 pub const BIT_ERRORS: &str = "bit errors";
 
 #[derive(Clone, Debug, PartialEq)]
@@ -27,8 +27,8 @@ pub struct SweepRow {
 }
 
 impl SweepRow {
-    /// Returns the series' last row, and by link the arrived fraction, the peak time, the late fraction and the lowest
-    /// bit error rate.
+    /// Returns the series' last row, and by link the arrived fraction, peak time, late fraction and lowest bit error
+    /// rate.
     pub fn new(values: Vec<String>, model: &Model, mean: &MeanSeries, channels: &Channels) -> Self {
         let mut row = Self { values, replicas: mean.replicas, results: Vec::new() };
         if let Some(last) = mean.steps.len().checked_sub(1) {

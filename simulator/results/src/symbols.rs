@@ -28,8 +28,8 @@ impl SymbolSlots {
         self.len() == 0
     }
 
-    /// Returns the slot of a release or a row. A row of momentary counts includes the releases of its step, so the row
-    /// at a slot's end belongs to the next one.
+    /// Returns the slot of a release or a row. Momentary counts include the releases of their step, so the row at a
+    /// slot's end belongs to the next one.
     pub(crate) fn slot_of_release(&self, step: u32) -> Option<usize> {
         let after = self.bounds.partition_point(|&begin| begin <= step);
         (1..=self.len()).contains(&after).then(|| after - 1)
@@ -106,7 +106,7 @@ impl Interference {
     }
 
     fn add_fractions(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
-        // `None` until own slots have a sample, without which the late fraction is unknown.
+        // Without a sample of own slots, the late fraction is unknown.
         let (mut own_fraction, mut late) = (None, 0.0);
         for (lag, (count, seen)) in counts.enumerate().filter(|(_, (_, seen))| *seen > 0) {
             let fraction = count as f64 / seen as f64;

@@ -7,15 +7,11 @@ use crate::model::vessel::Vessel;
 pub enum Axis {
     #[default]
     Open,
-    /// Walls at both coordinates, in µm, that reflect the surfaces of spheres.
+    /// Walls, in µm, that reflect the surfaces of spheres.
     Reflecting { low: f32, high: f32 },
     /// Periodic: `high` is the same position as `low`, in µm.
-    Periodic {
-        low: f32,
-        /// Upper end, outside the box.
-        high: f32,
-    },
-    /// Absent from the run: every coordinate is 0.
+    Periodic { low: f32, high: f32 },
+    /// Absent: every coordinate is 0.
     Frozen,
 }
 
@@ -82,19 +78,19 @@ impl Axis {
         images.iter().map(move |image| position + image * period)
     }
 
-    /// Returns the minimum image of a displacement, in µm.
+    /// Returns the minimum image of a displacement.
     pub(crate) fn displacement_exact(self, d: f64) -> f64 {
         match self {
             Self::Periodic { low, high } => {
                 let length = f64::from(high - low);
-                // Division is slow, and few displacements need it.
+                // Few displacements need the slow division.
                 if 2.0 * d.abs() < length { d } else { d - length * (d / length).round() }
             }
             _ => d,
         }
     }
 
-    /// Returns the minimum image of a displacement, in µm.
+    /// Returns the minimum image of a displacement.
     #[inline(always)]
     pub fn displacement(self, d: f32) -> f32 {
         match self {

@@ -15,9 +15,9 @@
 //! v·(coth α − 1/α) ≈ χv²|∇B|/3   in three dimensions,   v·tanh α   in one
 //! ```
 //!
-//! A step has a tumble with the probability λ₀Δt/(1 + λ₀Δt/2) times λ/λ₀. While this is at most 1, the stationary
-//! density of directions does not depend on the time step. Neither does the diffusion coefficient without a gradient,
-//! v²/(3λ₀).
+//! A step has a tumble with the probability λ₀Δt/(1 + λ₀Δt/2) times λ/λ₀. While this is at most 1, neither the
+//! stationary density of directions nor the diffusion coefficient without a gradient, v²/(3λ₀), depends on the time
+//! step.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
@@ -58,7 +58,7 @@ pub struct Chemotaxis {
     pub attractant: u32,
     /// Sensitivity χ: in s over the unit of the concentration, with `half_saturation` in s. A negative one repels.
     pub sensitivity: f64,
-    /// Concentration K at which half of the receptors are occupied; `None` responds to the concentration itself.
+    /// K, at which half of the receptors are occupied; `None` responds to the concentration itself.
     pub half_saturation: Option<f64>,
 }
 

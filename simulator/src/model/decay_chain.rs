@@ -1,12 +1,11 @@
 //! The mean length of a chain of decays within a step.
 //!
 //! # Correctness
-//! 1. `N` is the number of decays of a particle in a time with an exponential distribution of mean Δt. The process has
-//!    no memory, so P(N > j + k) ≤ P(N > j)·P(N > k), each for the worst first species.
+//! 1. `N` is the number of decays of a particle in an exponentially distributed time of mean Δt. The process has no
+//!    memory, so P(N > j + k) ≤ P(N > j)·P(N > k), each for the worst first species.
 //! 2. After k sweeps, [`expected`] is at least the mean of min(N, k). If it is at most m, then P(N ≥ k) ≤ m/k.
-//! 3. The exponential time exceeds Δt with the probability 1/e. Let p be the probability of more than k decays in a step:
-//!    p ≤ e·m/k. [`MAX_EXPECTED_DECAYS`] and [`MAX_SWEEPS`] make this bound 0.68. More than 10⁶ decays then have a probability below
-//!    0.68²⁵⁰ < 10⁻⁴¹.
+//! 3. That time exceeds Δt with the probability 1/e. More than k decays in a step thus have a probability of at most
+//!    e·m/k, which is 0.68 by [`MAX_EXPECTED_DECAYS`] and [`MAX_SWEEPS`], and more than 10⁶ one below 0.68²⁵⁰ < 10⁻⁴¹.
 
 use crate::model::Model;
 use crate::model::time::longest_step;
@@ -47,10 +46,7 @@ pub(crate) fn faulty_chain(model: &Model) -> Option<(usize, String)> {
 }
 
 fn links(model: &Model) -> Vec<Link> {
-    let mut dissociates = vec![false; model.species.len()];
-    for decay in model.decays.iter().filter(|decay| decay.splits()) {
-        dissociates[decay.reactant as usize] = true;
-    }
+    let dissociates = model.dissociating();
     let all = model.decays.iter().enumerate().filter(|(_, decay)| decay.rate > 0.0);
     let links = all.map(|(index, decay)| Link {
         decay: index,

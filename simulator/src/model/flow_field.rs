@@ -1,5 +1,5 @@
-//! A flow with velocities on a regular grid. They are interpolated linearly along each axis. Outside the grid, the
-//! velocity is that of the nearest point.
+//! A flow with velocities on a regular grid, interpolated linearly along each axis. Outside, the velocity is that of
+//! the nearest point.
 
 use std::fmt;
 
@@ -140,7 +140,7 @@ impl FlowField {
     }
 }
 
-/// Omits the velocities, which may be millions; their checksum tells fields apart.
+/// Omits the velocities, which may be millions, for their checksum.
 impl fmt::Debug for FlowField {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("FlowField")

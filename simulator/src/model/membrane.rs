@@ -13,7 +13,7 @@
 //! exact for steps of any length that reach one membrane and no wall.
 //!
 //! *Narrow gaps.* A step that is long compared with the gap between two membranes, or a membrane and a wall, is divided
-//! into substeps of a Brownian bridge. Otherwise more particles would enter the gap than leave it.
+//! into substeps of a Brownian bridge, or more particles would enter the gap than leave it.
 
 mod check;
 mod gaps;
@@ -115,7 +115,7 @@ impl MembraneStep<'_> {
         }
     }
 
-    /// `words` returns the random words of a membrane, or of a number above all membranes, in a substep.
+    /// `words` returns random words by membrane, or a number above all membranes, and substep.
     fn ends(
         &self,
         [before, end]: [[f32; 3]; 2],

@@ -90,7 +90,7 @@ impl Message {
         self.start + f64::from(k) * self.symbol_time
     }
 
-    /// Returns the `k`-th symbol, from 0, of the transmitter with index `transmitter`.
+    /// Returns the `k`-th symbol, from 0, of a transmitter.
     pub fn symbol(&self, k: u32, transmitter: u32, key: Key) -> u32 {
         match &self.symbols {
             Symbols::Given(symbols) => symbols[k as usize],

@@ -57,7 +57,7 @@ pub struct Species {
     pub diffusion: f64,
     /// In µm/s.
     pub drift: [f64; 3],
-    /// Mass, for elastic contact; only ratios matter. Default: 1.
+    /// For elastic contact; only ratios matter.
     pub mass: f64,
     /// Standard deviation of each velocity component at release, in µm/s.
     pub thermal_speed: f64,
@@ -107,8 +107,7 @@ pub enum Flow {
 /// react with several partners in one step. The other product then stays where its reactant was, or appears at the
 /// unbinding radius from this catalyst. Products of two consumed reactants appear where these meet.
 ///
-/// A pair undergoes at most one of its reactions per step. Probabilities decide between those whose binding radius
-/// contains the pair.
+/// A pair undergoes at most one reaction per step, by the probabilities of those whose binding radius contains it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
     pub name: String,
@@ -162,12 +161,12 @@ impl Decay {
     }
 }
 
-/// The distance of two products. They go in opposite random directions from the reactant, the faster one further.
+/// The distance of two products, which go in opposite random directions from the reactant, the faster one further.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unbinding {
     /// At this distance, in µm.
     Apart(f32),
-    /// Uniform in a ball of this radius, in µm: the inverse of a reaction that is equally likely anywhere in the ball.
+    /// Uniform in a ball of this radius, in µm: the inverse of a reaction that is equally likely anywhere in it.
     Within(f32),
 }
 
@@ -196,7 +195,11 @@ impl Contact {
     }
 }
 
-/// Returns `true` if two surfaces see the same species.
+pub(crate) fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
+/// Returns `true` if two surfaces see a common species.
 pub(crate) fn share_species(a: &[bool], b: &[bool]) -> bool {
     a.iter().zip(b).any(|(a, b)| *a && *b)
 }
@@ -254,8 +257,8 @@ impl Model {
         }
     }
 
-    /// Scales the velocity between two speeds of swimmers, or two thermal speeds. Otherwise redraws it, or returns 0
-    /// for a species without any.
+    /// Scales the velocity between two speeds of swimmers, or two thermal speeds. Otherwise redraws it: 0 for a species
+    /// without any.
     pub(crate) fn converted_velocity(
         &self,
         velocity: [f32; 3],
@@ -272,6 +275,15 @@ impl Model {
         } else {
             self.own_velocity(to, words())
         }
+    }
+
+    /// Returns flags by species.
+    pub(crate) fn dissociating(&self) -> Vec<bool> {
+        let mut dissociates = vec![false; self.species.len()];
+        for decay in self.decays.iter().filter(|decay| decay.splits()) {
+            dissociates[decay.reactant as usize] = true;
+        }
+        dissociates
     }
 
     pub(crate) fn dissociates(&self, species: u32) -> bool {

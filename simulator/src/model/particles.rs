@@ -6,9 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::memory::check_available;
 
-/// Particles as columns.
-///
-/// An id names a particle as long as it exists. Its index changes when particles are removed.
+/// Particles as columns. An id names a particle; its index changes when others are removed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Particles {
     /// Coordinates by axis, in µm.
@@ -135,7 +133,7 @@ impl Particles {
         }
     }
 
-    /// Removes the particles at these distinct indices. The last ones fill the gaps.
+    /// Removes the particles at distinct indices. The last ones fill the gaps.
     pub fn remove(&mut self, indices: &mut [u32]) {
         indices.sort_unstable_by(|a, b| b.cmp(a));
         let with_velocity = self.has_velocity();

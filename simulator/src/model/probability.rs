@@ -3,14 +3,14 @@
 //! Among events at the rates λ₁, λ₂, … with the sum R, one happens within Δt with the probability 1 − exp(−RΔt). Each
 //! has the probability λ·g with g = (1 − exp(−RΔt))/R.
 //!
-//! If a reaction joins particles anywhere in a ball, and a decay places its products anywhere in it, the reaction uses
-//! the decay's g. The probabilities then have the ratio of the rates, and the equilibrium is independent of Δt.
+//! If a reaction joins particles anywhere in a ball, and a decay places its products anywhere in it, both use the
+//! decay's g. Their probabilities then have the ratio of the rates, and the equilibrium is independent of Δt.
 
 use std::collections::HashSet;
 
-use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
+use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding, sorted};
 
-/// Reactions of two species between the radius of the next inner shell and its own.
+/// Reactions of two species from the next inner radius to this one.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProbabilityShell {
     /// In µm.
@@ -26,7 +26,7 @@ impl ReactionProbabilities<'_> {
     pub(crate) fn pairs(self) -> impl Iterator<Item = [u32; 2]> {
         let mut seen = HashSet::new();
         let reactants = self.0.reactions.iter().map(|reaction| reaction.reactants);
-        reactants.filter(move |&[a, b]| seen.insert([a.min(b), a.max(b)]))
+        reactants.filter(move |&pair| seen.insert(sorted(pair)))
     }
 
     pub(crate) fn shells(self, pair: [u32; 2]) -> Vec<ProbabilityShell> {

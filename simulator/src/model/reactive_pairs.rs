@@ -1,6 +1,6 @@
 use crate::model::Model;
 
-/// Pairs of species that react. They must overlap, so they are neither separated nor collide on their paths.
+/// Pairs of species that react. They must overlap, so they neither collide nor are separated.
 #[derive(Clone, Debug)]
 pub(crate) struct ReactivePairs {
     /// Index of each species' first partner, then the number of partners.

@@ -102,7 +102,7 @@ impl Receiver {
         self.velocity != [0.0; 3] || self.diffusion > 0.0
     }
 
-    /// Returns counts within the radius of `center`, by species; 0 for those that `sees` excludes.
+    /// Returns counts around `center`, by species; 0 for those that `sees` excludes.
     pub fn inside(&self, center: [f32; 3], boundary: &Boundary, particles: &Particles) -> Vec<u64> {
         let mut counts = vec![0; self.sees.len()];
         for at in (0..particles.len()).filter(|&at| self.has_inside(center, boundary, particles, at)) {
@@ -117,8 +117,8 @@ impl Receiver {
     }
 }
 
-/// Largest number of receivers that test every particle. That takes 0.7 times as long as a search for one receiver,
-/// and 2.5 times for two (two cores of an AMD EPYC).
+/// Largest number of receivers that test every particle: 0.7 times the time of a search for one receiver, 2.5 times for
+/// two (two cores of an AMD EPYC).
 const MAX_TESTED: usize = 1;
 const CHUNK: usize = 1 << 16;
 
@@ -163,7 +163,7 @@ fn found_inside(
     particles: &Particles,
 ) -> Result<Vec<(u32, u32)>, Error> {
     let mut inside = Vec::new();
-    // Grown by the rounding error, so that the search misses nothing.
+    // Grown by the rounding error, so that nothing is missed.
     let grown = |&k: &usize| {
         let radius = receivers[k].radius;
         lazygrid::Sphere::new(centers[k], radius + rounding(centers[k], 2.0 * radius))

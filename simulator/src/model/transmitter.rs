@@ -62,8 +62,8 @@ pub enum Shape {
     Box([f32; 3]),
     /// Uniform in a cylinder: axis, radius, length; a disk if the length is 0.
     Cylinder(usize, f32, f32),
-    /// Lattice in a box: sides, and sites per axis, filled x fastest. Each burst begins at the first site. Steady
-    /// release continues from site to site, or takes random sites if it is a Poisson process.
+    /// Lattice in a box: sides, and sites per axis, filled x fastest. Bursts begin at the first site. Steady release
+    /// continues from site to site, or takes random sites if it is a Poisson process.
     Lattice([f32; 3], [u32; 3]),
 }
 
@@ -74,11 +74,15 @@ impl Model {
 }
 
 impl Transmitter {
-    /// Returns the species and numbers of each burst at the beginning of `step`. The transmitter's `index`
-    /// selects random symbols.
+    /// Returns the species and numbers of each burst at the beginning of `step`. `index`, of the transmitter, selects
+    /// random symbols.
     pub fn bursts(&self, index: u32, step: u32, time_step: f64, key: Key) -> Vec<Vec<(u32, u32)>> {
         match &self.schedule {
-            Schedule::Times(times) => vec![self.release.clone(); due(times, step, time_step).len()],
+            Schedule::Times(times) => {
+                let [end, begin] =
+                    [step.saturating_add(1), step].map(|step| count_before(times, step, time_step));
+                vec![self.release.clone(); end - begin]
+            }
             Schedule::Message(message) => {
                 let symbols = message.due(step, time_step).map(|k| message.symbol(k, index, key));
                 symbols.map(|symbol| message.modulation.burst(symbol, &self.release)).collect()
@@ -108,8 +112,7 @@ impl Transmitter {
         let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
         match &self.schedule {
             Schedule::Times(times) => {
-                let count =
-                    |step| times.partition_point(|&t| step_of(t, time_step).is_some_and(|s| s < step));
+                let count = |step| count_before(times, step, time_step);
                 scaled((count(end) - count(begin)) as f64).collect()
             }
             Schedule::Message(message) => {
@@ -158,11 +161,8 @@ impl Transmitter {
     }
 }
 
-fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
-    let until = |step| {
-        times.partition_point(|&time| step_of(time, time_step).is_some_and(|burst_step| burst_step < step))
-    };
-    &times[until(step)..until(step.saturating_add(1))]
+fn count_before(times: &[f64], step: u32, time_step: f64) -> usize {
+    times.partition_point(|&time| step_of(time, time_step).is_some_and(|burst_step| burst_step < step))
 }
 
 /// Bound of a normal number, which is at most 5.77.

@@ -10,7 +10,7 @@ use crate::model::time::longest_step;
 use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
 
-/// Entries of the bursts of a step that follow the first burst of their transmitter: about 100 MB.
+/// Entries of bursts that follow the first one of their transmitter in a step: about 100 MB.
 const MAX_REPEATED_ENTRIES: u64 = 1 << 20;
 
 impl Model {
@@ -18,7 +18,7 @@ impl Model {
         self.misfit_between_walls(species).or_else(|| self.misfit_in_period(species))
     }
 
-    /// Colliding spheres move as their nearest images do, which must be the only ones that they can touch.
+    /// Colliding spheres must be able to touch their nearest images only.
     fn misfit_in_period(&self, species: &Species) -> Option<String> {
         let period = self.boundary.shortest_period().filter(|_| self.contact.collides())?;
         (4.0 * species.radius > period).then(|| {
@@ -343,7 +343,7 @@ impl Model {
         Ok(())
     }
 
-    /// Refuses bursts at many times of one step: each costs memory even without particles.
+    /// Refuses many bursts in one step: each costs memory even without particles.
     fn check_repeated_bursts(&self) -> Result<(), Error> {
         let mut entries: u64 = 0;
         for transmitter in &self.transmitters {
@@ -373,7 +373,8 @@ fn refuse(fault: Option<String>) -> Result<(), Error> {
 }
 
 fn finite(what: &str, values: &[f64; 3]) -> Result<(), Error> {
-    let fault = (!values.iter().all(|v| v.is_finite())).then(|| format!("{what} is {values:?}; it must be finite"));
+    let fault =
+        (!values.iter().all(|v| v.is_finite())).then(|| format!("{what} is {values:?}; it must be finite"));
     refuse(fault)
 }
 

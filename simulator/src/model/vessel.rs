@@ -1,5 +1,5 @@
-//! A round vessel. Its wall reflects paths as in a billiard, which conserves volumes, so a uniform density stays
-//! uniform at any step length.
+//! A round vessel. Its wall reflects paths like a billiard, which conserves volumes, so a uniform density stays uniform
+//! at any step length.
 
 use crate::random::gaussian::{cos_sin, direction};
 use crate::random::philox::open_unit;
@@ -15,7 +15,7 @@ pub struct Vessel {
     pub radius: f32,
 }
 
-/// Largest number of reflections in a step; a particle with more stays at the wall.
+/// Limit of reflections in a step; a particle with more stays at the wall.
 const BOUNCES: usize = 64;
 
 impl Vessel {
@@ -33,7 +33,7 @@ impl Vessel {
         v
     }
 
-    /// Returns the vector from the middle line or center, in µm.
+    /// Returns the vector from the middle line or center.
     pub(crate) fn offset(&self, p: [f64; 3]) -> [f64; 3] {
         self.across(std::array::from_fn(|k| p[k] - f64::from(self.center[k])))
     }
@@ -49,7 +49,7 @@ impl Vessel {
         dot(v, v).sqrt()
     }
 
-    /// Mirrors a position beyond the wall until it is inside, along the line through the middle line or center.
+    /// Mirrors a position beyond the wall along the line through the middle line or center until it is inside.
     pub fn confine(&self, mut p: [f32; 3]) -> [f32; 3] {
         let (distance, radius) = (self.distance(p), f64::from(self.radius));
         if distance > radius {

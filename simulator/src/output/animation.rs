@@ -10,11 +10,11 @@ use crate::{Model, State};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Animation {
     pub every: u32,
-    /// Above this number, all frames draw a half, a quarter and so on, by a hash of ids.
+    /// Above this number, a frame draws a half, a quarter and so on, by a hash of ids.
     pub particles: NonZeroU32,
 }
 
-/// The second line of the page, which tells it from pages of others.
+/// The second line of the page.
 pub const PAGE_MARK: &str = "<!-- animation of lazygrid simulate -->";
 
 const HEADER_WORDS: usize = 6;
@@ -78,7 +78,7 @@ pub(crate) fn append(
     let mut bytes: Vec<u8> = head.iter().flat_map(|word| word.to_le_bytes()).collect();
     let mut order: Vec<usize> =
         (0..particles.len()).filter(|&at| is_drawn(particles.id[at], shift)).collect();
-    // Results do not depend on the order of storage.
+    // Independent of the order of storage.
     order.sort_unstable_by_key(|&at| particles.id[at]);
     for at in order {
         let [x, y, z] = particles.position_of(at).map(f32::to_bits);

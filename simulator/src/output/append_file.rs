@@ -10,7 +10,7 @@ use crate::checksum::{Digest, DigestWriter};
 
 type Writer = BufWriter<DigestWriter<File>>;
 
-/// An appended file up to its `length` at the checkpoint.
+/// An appended file at the checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileRecord {
     pub name: String,

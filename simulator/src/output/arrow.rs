@@ -1,4 +1,4 @@
-//! The log as Arrow IPC files, converted at the end of a run, since an Arrow file cannot be appended to.
+//! The log as Arrow IPC files, written at the end of a run, since they cannot be appended to.
 
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -62,7 +62,7 @@ pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
         let mut lines = TableReader::open(
             &from,
             &columns.iter().map(|column| column.name).collect::<Vec<_>>().join(","),
-            // Rows stay in memory for a batch only.
+            // Only the rows of a batch stay in memory.
             0,
         )?;
         let mut damaged = None;

@@ -38,7 +38,7 @@ const ANIMATION: &str = "animation.html";
 const ARROW: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
 /// The metadata of the schema in these copies: key and value.
 pub(super) const ARROW_MARK: [&str; 2] = ["lazygrid", "copy of a log of lazygrid simulate"];
-/// Bytes of a file that contain its mark: two lines of a page, or the schema of a copy.
+/// Bytes that contain a file's mark: two lines of a page, or the schema of a copy.
 const MARKED_BYTES: u64 = 4096;
 
 /// Creates and locks the directory. Refuses one with files of a run, unless `overwrite`.
@@ -75,7 +75,7 @@ pub(crate) fn refuse_other_table(directory: &Path, name: &str, beginning: &str) 
     if start == beginning.as_bytes() { Ok(()) } else { refuse_file(directory, name) }
 }
 
-/// Refuses animation pages and Arrow copies that this output would replace and that no run wrote.
+/// Refuses animation pages and Arrow copies of others that this output would replace.
 pub(crate) fn refuse_other_derived(directory: &Path, output: &Output) -> Result<(), Error> {
     let mut others = derived(output.animation.is_some(), output.arrow);
     others.try_for_each(|name| if is_marked(directory, name) { Ok(()) } else { refuse_page(directory, name) })
@@ -112,7 +112,7 @@ fn foreign_file(directory: &Path, name: &str) -> Error {
     foreign_error(directory, message)
 }
 
-/// Refuses the file `name`, which has no mark and would be replaced.
+/// Refuses the file `name`, which has no mark.
 pub(super) fn refuse_page(directory: &Path, name: &str) -> Result<(), Error> {
     let message = format!(
         "it holds a file {name} that was written by another version or by another program; move it, or start over with \
@@ -187,7 +187,7 @@ pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error
     Ok(numbers)
 }
 
-/// Removes the files of a run, those that `--resume` continues first. Directories of replicas and points stay.
+/// Removes the files of a run, those that `--resume` continues first, but no directories of replicas and points.
 pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
     remove_own_plots(directory)?;
     RESULTS.into_iter().chain(TABLES).try_for_each(|name| remove_file(directory.join(name)))?;

@@ -9,12 +9,12 @@ pub(crate) struct DiskEstimate {
     pub(crate) min_bytes: u64,
     /// Upper bound: particles only decay, at the expected rate.
     pub(crate) max_bytes: u64,
-    /// Bounds of the last checkpoint, included in both. The previous one exists until it is complete.
+    /// Bounds of the last checkpoint, included in both. The former one exists until it is complete.
     pub(crate) checkpoint: [u64; 2],
 }
 
 const SAMPLES: u32 = 1000;
-/// Mean bytes of a coordinate as text: eight digits, a point, half a sign.
+/// Of a coordinate as text: eight digits, a point, half a sign.
 const COORDINATE_BYTES: f64 = 9.7;
 
 impl DiskEstimate {

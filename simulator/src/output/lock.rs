@@ -12,7 +12,7 @@ pub(super) const RANDOM_LETTERS: usize = 6;
 
 const LOCK: &str = ".lock";
 
-/// Keeps other runs out of a directory: a system lock on `.lock`, which ends with the process. The file remains.
+/// Keeps other runs out of a directory: a system lock on the file `.lock`, which ends with the process.
 #[derive(Debug)]
 pub(crate) struct Lock {
     path: PathBuf,
@@ -46,8 +46,8 @@ impl Lock {
         Ok(Self { path, file })
     }
 
-    /// Marks files as those of a run with this seed, in case it loses its checkpoint. Leaves a `.lock` of another
-    /// program and the target of a link alone.
+    /// Marks files as those of a run with this seed, in case it loses its checkpoint. Changes neither a `.lock` of
+    /// another program nor the target of a link.
     pub(crate) fn mark_begun(&self, seed: u64) -> Result<(), Error> {
         let written = self.write_mark(seed);
         written.map_err(|source| Error::Write { path: self.path.clone(), source })

@@ -59,7 +59,7 @@ impl RowEstimate {
         }
     }
 
-    /// Times of releases are as long as a step and its time.
+    /// The time of a release is as long as a step and its time.
     fn arrival(&self, ids: f64) -> f64 {
         2.0 * self.moment + self.receiver + self.species + self.transmitter + 1.0 + digits(ids)
     }

@@ -56,7 +56,7 @@ pub(crate) struct Files {
     xyz: Option<AppendFile>,
     logs: Option<Logs>,
     animation: Option<AppendFile>,
-    /// `true` if derived files may have fewer steps.
+    /// Derived files may have fewer steps.
     has_derived: bool,
     _lock: Lock,
 }

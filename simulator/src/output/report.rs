@@ -1,5 +1,5 @@
-//! The report of a run. Its page identifies the other files: it contains the plots, and the checksums of the tables in
-//! its last line.
+//! The report of a run. Its page identifies the other files: it contains the plots, and in its last line the checksums
+//! of the tables.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
@@ -59,8 +59,8 @@ fn plot_name(plot: &str) -> String {
     format!("{PLOTS}/{plot}.svg")
 }
 
-/// Writes the tables, and returns the page with their checksums. Tables stay unpublished: one that appeared before the
-/// page would count as a file of others.
+/// Returns the page with the checksums of the tables, which stay unpublished: before the page, they would count as
+/// files of others.
 fn draft_tables(directory: &Path, report: &Report<'_>) -> Result<(String, Vec<Draft>), Error> {
     let mut page = format!("{}\n{MARK}", report.page.trim_end());
     let mut drafts = Vec::new();
@@ -89,7 +89,7 @@ pub(crate) fn refuse_foreign_page(directory: &Path) -> Result<String, Error> {
     Ok(former)
 }
 
-/// Refuses plots and tables that the `former` page does not have, and that the next report may replace.
+/// Refuses plots and tables that the `former` page does not have and the next report may replace.
 pub(crate) fn refuse_foreign_files(
     directory: &Path,
     former: &str,
@@ -175,7 +175,7 @@ fn is_table_of(page: &str, name: &str, path: &Path) -> bool {
     table_digest(path).is_ok_and(|digest| line.contains(&entry(name, &digest)))
 }
 
-/// Skips carriage returns, which a copy to another system adds. Reports write none.
+/// Skips carriage returns, which copies to other systems add.
 fn table_digest(path: &Path) -> io::Result<Digest> {
     let (mut reader, mut digest) = (BufReader::new(File::open(path)?), Digest::new());
     loop {

@@ -21,12 +21,12 @@ pub(super) fn write(out: &mut impl Write, model: &Model, seed: u64) -> io::Resul
     Ok(())
 }
 
-/// Estimates the bytes of the file, by the mean length of the times of some symbols of each message.
+/// Estimates the bytes of the file, by the times of some symbols of each message.
 pub(super) fn expected_bytes(model: &Model) -> f64 {
     let of_transmitter = |Transmitter { name, schedule, .. }: &Transmitter| {
         let Schedule::Message(message) = schedule else { return 0.0 };
         let count = message.symbols.len();
-        // A prime number: a power of two divides round counts, and then all times have few digits.
+        // A prime number: a power of two divides round counts, whose times have few digits.
         let time = mean_length([0, count], 17, |k| message.time_of(k).to_string().len());
         f64::from(count) * (time + (name.len() + ",,0\n".len()) as f64)
     };

@@ -89,7 +89,7 @@ fn check_memory(path: &Path, file: &mut File, bytes_per_field: u64) -> Result<()
         check_available(&what, fields.saturating_mul(bytes_per_field), remedy)
     };
     let read = |source| Error::Read { path: path.to_owned(), source };
-    // A comma or the end of a line follows each field, so a table that fits with a field per byte needs no count.
+    // A table that fits with a field per byte needs no count.
     if check(file.metadata().map_err(read)?.len()).is_ok() {
         return Ok(());
     }

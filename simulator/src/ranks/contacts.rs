@@ -1,7 +1,7 @@
 //! Separation of overlaps whose particles are on several ranks.
 //!
 //! # Correctness
-//! 1. One rank reports a pair. It knows both positions of a pass, and sends the ghost's displacement to the owner.
+//! 1. One rank reports a pair. It knows both positions, and sends the ghost's displacement to the owner.
 //! 2. Displacements are integers, so their sum at the owner does not depend on ranks.
 
 use bytemuck::{Pod, Zeroable};

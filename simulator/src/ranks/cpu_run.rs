@@ -87,7 +87,7 @@ impl CpuRun {
         all_requests(communicator, &self.simulation.binding_requests(moved))
     }
 
-    /// Adds the spared particles of all ranks, which the search for pairs may migrate, or copy to others as ghosts.
+    /// Adds the spared particles of all ranks, which may migrate or become ghosts in the search for pairs.
     fn gather_spared<C: Communicator>(&mut self, communicator: &mut C) -> Result<(), C::Error> {
         let Simulation { dissociation, model, spared, .. } = &mut self.simulation;
         if dissociation.is_empty() || self.pair_search.is_none() || !model.forms_dissociating() {

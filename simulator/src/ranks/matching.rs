@@ -1,12 +1,12 @@
 //! Matching of reactions whose candidates are on several ranks.
 //!
 //! Every candidate is on one rank; every particle has an owner. In each round, ranks send their best keys of ghosts to
-//! the owners. An owner replies with the best key of all ranks, or that the particle is taken. Ranks apply candidates
-//! that are best at all their consumed particles.
+//! the owners, which reply with the best key of all ranks, or that the particle is taken. Ranks apply candidates that
+//! are best at all their consumed particles.
 //!
 //! # Correctness
-//! 1. After the replies, a rank knows of its candidates' particles what
-//!    [`Matching`](crate::reaction::matching::Matching) knows in one process.
+//! 1. After the replies, a rank knows as much of its candidates' particles as
+//!    [`Matching`](crate::reaction::matching::Matching) in one process.
 //! 2. Keys are totally ordered, so every round takes at least the best candidate of all.
 //! 3. The choice is therefore that of one process.
 
@@ -186,7 +186,7 @@ impl DistributedMatching {
             (bid.takes == 0).then_some((from, OwnerReply { taken: self.taken[at].into(), key }))
         };
         let replies = bids.iter().zip(from).filter_map(reply).collect();
-        // Ghosts lie by their owners, so replies come in the order of `wanted`.
+        // Ghosts are sorted by owners, so replies come in the order of `wanted`.
         let (replies, _) = send_to_ranks(communicator, "replies to bids", replies)?;
         for (&ghost, reply) in wanted.iter().zip(&replies) {
             let at = own_count + ghost as usize;

@@ -1,7 +1,7 @@
 //! A run over ranks: processes that each own disjoint particles.
 //!
-//! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all, and moves all
-//! receivers. See `docs/design/ranks.md` for the exchanges.
+//! Every rank does the work of [`Simulation`](crate::Simulation) for its own particles, and moves all receivers. See
+//! `docs/design/ranks.md` for the exchanges.
 
 mod contacts;
 mod cpu_run;

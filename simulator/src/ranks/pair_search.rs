@@ -31,7 +31,7 @@ struct OutcomeMessage {
     position: [f32; 3],
 }
 
-/// Load limit over the mean, above which space is repartitioned.
+/// Load relative to the mean above which space is repartitioned.
 const MAX_IMBALANCE: f64 = 1.2;
 
 impl RankPairSearch {

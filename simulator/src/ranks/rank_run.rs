@@ -73,9 +73,8 @@ impl RankRun {
     }
 }
 
-/// Returns `true` if the particles of all ranks move on GPUs. Collective.
-///
-/// Backends do not mix: they round differently, and a checkpoint names one.
+/// Returns `true` if the particles of all ranks move on GPUs. Backends do not mix: they round differently, and a
+/// checkpoint names one. Collective.
 pub(super) fn moves_on_gpus<C: Communicator>(communicator: &mut C, model: &Model, detector: &Config) -> bool {
     let ranks = u64::from(communicator.ranks());
     let asking = communicator.all_reduce_sum(&[detector.requires_gpu().into()])[0];

@@ -14,11 +14,10 @@ use crate::scenario::Scenario;
 use crate::{Error, RunView};
 
 impl Run {
-    /// Does all steps as [`run`](Self::run), together with all ranks. All must see the directory: the first writes
+    /// Does all steps like [`run`](Self::run), together with all ranks. All must see the directory: the first writes
     /// common files, every rank its particles. After each step (several on GPUs), every rank calls `watch`, which can
-    /// stop all. Uses the caller's rayon pool.
-    ///
-    /// `detector` selects this rank's backend, as for [`RankSimulation::new`], instead of [`backend`](Self::backend).
+    /// stop all. Uses the caller's rayon pool. `detector` selects this rank's backend, instead of
+    /// [`backend`](Self::backend).
     ///
     /// # Errors
     /// Every rank returns the errors of one: as [`run`](Self::run), [`RankSimulation::new`], and the communicator's.
@@ -166,7 +165,7 @@ impl Run {
         }
         let standing = simulation.gather(fields)?;
         let record = |files: &mut Files| {
-            // The checkpoint of a stop includes this step.
+            // The checkpoint includes this step.
             let is_full = step > 0 && self.is_disk_full(&standing, ReplicaSlot::NONE)?;
             files.record(&standing).map(|()| !is_full)
         };

@@ -44,8 +44,8 @@ impl<C: Communicator> RankSimulation<C> {
     /// Begins a run. `detector` selects this rank's backend and algorithm; the model gives the space and the
     /// interactions.
     ///
-    /// Particles move on GPUs if every `detector` [requires one](Config::requires_gpu), the model has kernels and no
-    /// reactions and contacts, and it exceeds no device. Otherwise they move on the CPU.
+    /// Particles move on GPUs if every `detector` [requires one](Config::requires_gpu), and the model has kernels, no
+    /// reactions and contacts, and exceeds no device.
     ///
     /// # Errors
     /// Every rank returns those of the first that fails: as [`Simulation::new`](crate::Simulation::new),
@@ -157,7 +157,7 @@ impl<C: Communicator> RankSimulation<C> {
         self.run.steps_at_once()
     }
 
-    /// Does up to `most` steps: several on GPUs, but one on the CPU or if particles dissociate or bind.
+    /// Does up to `max_steps` steps: several on GPUs, but one on the CPU or if particles dissociate or bind.
     ///
     /// # Errors
     /// Returns the error of one rank on all: as [`AnySimulation::advance`](crate::AnySimulation::advance), and the
@@ -242,7 +242,7 @@ impl<C: Communicator> RankSimulation<C> {
 
 fn shared(model: &Model, seed: u64, step: u32) -> Settings {
     Settings::new(env!("CARGO_PKG_VERSION"))
-        // The text has every number exactly, and all ranks have the same version.
+        // The text has every number exactly.
         .with_long("model", "a model", format_args!("{model:?}"))
         .with("seed", seed)
         .with("steps done", step)

@@ -25,8 +25,8 @@ pub enum AnySimulation {
 #[cfg(feature = "gpu")]
 pub(crate) const GPU_STEPS: u32 = 64;
 
-/// Opens the shared device, or refuses a run that leaves too little memory to the driver. `processes` runs of about as
-/// many particles begin on this machine.
+/// Opens the shared device, or refuses a run that leaves too little memory to the driver. `processes` such runs begin
+/// on this machine.
 #[cfg(feature = "gpu")]
 pub(crate) fn open_device(
     particles: u64,
@@ -101,7 +101,7 @@ impl AnySimulation {
         }
     }
 
-    /// Does up to `most` steps: one on the CPU, several on a GPU.
+    /// Does up to `max_steps` steps: one on the CPU, several on a GPU.
     ///
     /// # Errors
     /// See [`Simulation::step`] or `GpuSimulation::run`.

@@ -1,12 +1,11 @@
 //! # Correctness
 //!
-//! A resumed run is the run without a break, or is refused with [`Error::Damaged`]:
+//! A resumed run equals the uninterrupted one, or is refused with [`Error::Damaged`]:
 //!
 //! 1. The header of `checkpoint` has its length and checksum (`sealed.rs`), checked before decoding.
 //! 2. `checkpoint` has the checksum of each rank's part ([`PartRecord`]). A part is checked against its header and
 //!    that record, so parts of different checkpoints do not mix.
-//! 3. `checkpoint` has the length and checksum of each file that the run appends to ([`FileRecord`]), all checked
-//!    before any is cut.
+//! 3. `checkpoint` has the length and checksum of each appended file ([`FileRecord`]), all checked before any is cut.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -21,10 +20,10 @@ use crate::release::rank_slice::RankSlice;
 use crate::run::sealed::{self, FileKind};
 use crate::{Error, Model, Particles, State};
 
-/// All data to continue a run bit for bit, except the particles of ranks, which have a file each.
+/// All data to continue a run bit for bit, except particles of ranks, which have files of their own.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// Text of the scenario; a run of another one is refused.
+    /// Text of the scenario; another one is refused.
     pub scenario: String,
     pub seed: u64,
     /// Checksum of a flow field, compared by [`check_flow_field`](Self::check_flow_field).
@@ -65,7 +64,7 @@ impl PartRecord {
 }
 
 impl Checkpoint {
-    /// Writes a checkpoint, which replaces the previous one once complete. Its parts must exist; others are removed.
+    /// Writes a checkpoint, which replaces the former one once complete. Its parts must exist; others are removed.
     ///
     /// # Errors
     /// [`Error::Write`].

@@ -21,7 +21,7 @@ impl Run {
         DiskEstimate::new(simulation, *output, *steps, text)
     }
 
-    /// Warns if the output may exceed the disk, refuses if it surely does.
+    /// Warns if the output may exceed the disk, refuses if it does.
     pub(super) fn check_fits(&self, estimate: DiskEstimate) -> Result<(), Error> {
         let DiskEstimate { min_bytes, max_bytes, checkpoint } = estimate;
         let free = self.free_disk_bytes()?;

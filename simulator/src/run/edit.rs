@@ -1,5 +1,5 @@
-//! Changes between steps by the driving program. A GPU run reads the state back for each and uploads it again. New
-//! particles take the next free ids, which determine their random numbers.
+//! Changes between steps by a program. A GPU run reads the state back for each and uploads it again. New particles take
+//! the next free ids, which determine their random numbers.
 
 use std::ops::Range;
 
@@ -124,7 +124,7 @@ impl Simulation {
         self.state.emit(&self.model, self.key, Emission { transmitter, species, count })
     }
 
-    /// Takes the particles and leaves a copy, so that a program can keep the columns.
+    /// Takes the particles, which a program can keep, and leaves a copy.
     ///
     /// # Errors
     /// See [`Particles::reserve`]; nothing changes then.

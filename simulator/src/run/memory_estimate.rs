@@ -12,10 +12,9 @@ use crate::memory::check_available;
 use crate::model::transmitter::{Schedule, Transmitter};
 use crate::{Error, Model};
 
-/// Estimated from its buffers (not measured): columns, displaced copies, the detector's index, a snapshot for the
-/// checkpoint.
+/// Estimated, not measured: columns, displaced copies, the detector's index, a snapshot for the checkpoint.
 const BYTES_PER_PARTICLE: u64 = 260;
-/// Columns of the particles, the release and the detector, which every run needs.
+/// Columns of the particles, the release and the detector.
 const MIN_BYTES_PER_PARTICLE: u64 = 100;
 const OVERHEAD: u64 = 64 << 20;
 /// Particles between checks.
@@ -95,7 +94,7 @@ impl MemoryGuard {
     }
 }
 
-/// Refuses a GPU run if memory is short, because a software driver ends the process if memory is refused to it.
+/// Refuses a GPU run if memory is short, because a software driver would end the process.
 #[cfg(feature = "gpu")]
 pub(crate) fn check_memory_on_gpu(particles: u64, processes: u32, is_loaded: bool) -> Result<(), Error> {
     let driver = if is_loaded { 0 } else { memory_of_driver() };

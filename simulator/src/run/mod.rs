@@ -44,8 +44,8 @@ pub struct Run {
     pub threads: Option<usize>,
     pub resume: bool,
     pub overwrite: bool,
-    /// Plots that a report may have; `None` without a report. A resumed run refuses foreign files that
-    /// [`write_report`](crate::write_report) would replace, before it changes any file.
+    /// Plots that a report may have; `None` without a report. Before it changes a file, a resumed run refuses foreign
+    /// files that [`write_report`](crate::write_report) would replace.
     pub report: Option<&'static [&'static str]>,
     /// Refuses a run that will not fit the disk, and stops before the disk is full.
     pub space_check: bool,
@@ -58,7 +58,7 @@ pub enum RunEnd {
     Stopped,
 }
 
-/// Ignores blank lines: the section of a sweep, which may have got more values, leaves them.
+/// Ignores blank lines, which the section of a sweep leaves.
 fn is_same_text(a: &str, b: &str) -> bool {
     let [a, b] = [a, b].map(|text| text.lines().filter(|line| !line.trim().is_empty()));
     a.eq(b)
@@ -101,8 +101,8 @@ impl Run {
         }
     }
 
-    /// Does all steps. Calls `watch` before the first and after each (several on a GPU) until it breaks. A final
-    /// checkpoint allows to resume.
+    /// Does all steps. Calls `watch` before the first and after each (several on a GPU) until it breaks. Ends with a
+    /// checkpoint.
     ///
     /// # Errors
     /// [`Error::Write`] before the first step if the directory is not writable or the disk too small, later from the

@@ -32,7 +32,7 @@ pub(crate) fn run_all(
 ) -> Result<Vec<ReplicaResults>, (usize, Error)> {
     let Some(first) = groups.first() else { return Ok(Vec::new()) };
     let (threads, at_once) = (threads(first), at_once(groups) as usize);
-    // In a common pool, a worker that waits for its run would begin another run and delay the first.
+    // In a common pool, a worker that waits for its run would begin another one.
     let pools = (0..at_once).map(|k| thread_pool(threads / at_once + usize::from(k < threads % at_once)));
     let pools = pools.collect::<Result<Vec<_>, _>>().map_err(|error| (0, error.into()))?;
     check_thread_memory(at_once).map_err(|error| (0, error.into()))?;

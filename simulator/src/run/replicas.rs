@@ -88,7 +88,7 @@ impl Replicas {
         Ok(begun)
     }
 
-    /// Counts replicas with a checkpoint. Looks only at directories that exist, because the replicas may be billions.
+    /// Looks only at directories that exist, because the replicas may be billions.
     pub(super) fn checkpoint_count(&self) -> Result<u32, Error> {
         let has_one = |replica: &u32| self.directory_of(*replica).join("checkpoint").exists();
         Ok(self.begun_replicas()?.iter().filter(|replica| has_one(replica)).count() as u32)
@@ -115,7 +115,7 @@ impl Replicas {
         run.report = None;
         run.scenario.output = self.output_of(replica);
         if run.resume && !run.checkpoint_path().exists() {
-            // The table of seeds shows that the directory is of these replicas, and a mark that the files are.
+            // By the table of seeds the directory is of these replicas, and by a mark the files.
             (run.resume, run.overwrite) = (false, output::has_begun(&run.directory, run.scenario.seed));
         }
         run
@@ -166,7 +166,7 @@ impl Replicas {
         let Some(plots) = self.run.report else { return Ok(()) };
         let former = output::refuse_foreign_page(directory)?;
         match output::refuse_foreign_files(directory, &former, plots, &output::TABLES) {
-            // If no step is left, the tables may equal those to be written. Their writer sees that.
+            // If no step is left, the tables may equal those to be written, which their writer sees.
             Err(error) if self.is_outdated()? => Err(error),
             _ => Ok(()),
         }

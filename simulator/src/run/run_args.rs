@@ -1,4 +1,4 @@
-//! Command-line arguments of commands that run scenarios.
+//! Arguments of commands that run scenarios.
 
 use std::num::NonZeroU32;
 use std::path::PathBuf;

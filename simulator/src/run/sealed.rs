@@ -15,9 +15,9 @@ const NAME: &str = "lazygrid checkpoint ";
 const VERSION: u32 = 7;
 /// Bytes of the longest first line.
 const MAX_FIRST_LINE: u64 = 64;
-/// Bytes of memory per byte of a file: the file, and its particles. A free particle has 24 bytes and a bound one 28. In
-/// the file they have 18 or more, because small numbers of 32 bits take one byte there. Growing vectors have capacity
-/// for twice their elements: 1 + 2 × 28 / 18 ≈ 4.
+/// Bytes of memory per byte of a file: the file, and its particles. A free particle has 24 bytes and a bound one 28,
+/// but 18 or more in the file, in which small numbers of 32 bits take one byte. Growing vectors have capacity for twice
+/// their elements: 1 + 2 × 28 / 18 ≈ 4.
 const MEMORY_PER_BYTE: u64 = 4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

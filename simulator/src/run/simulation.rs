@@ -37,8 +37,8 @@ pub struct Simulation {
     pub(crate) dissociation: Dissociation,
     pub(crate) detector: Option<Detector>,
     matching: Matching,
-    /// Ascending ids of particles that decays formed and that do not dissociate in the rest of the step, though their
-    /// random words say so for a whole step.
+    /// Ascending ids of particles that decays formed and that do not dissociate in the rest of the step, although their
+    /// random words say so for a whole one.
     pub(crate) spared: Vec<u32>,
     partial_events: PartialEvents,
     arrivals: Vec<Arrival>,
@@ -160,12 +160,12 @@ impl Simulation {
         &self.arrivals
     }
 
-    /// Does a step: receivers and particles move, collide, hit walls and receivers, unbind and decay. Then pairs
-    /// react or separate, and transmitters release.
+    /// Does a step: receivers and particles move, collide, hit walls and receivers, unbind and decay. Then pairs react
+    /// or separate, and transmitters release.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`], [`Error::Collisions`], [`Error::LongPaths`], [`Error::NotFinite`], and [`Error::Step`] from the
-    /// detector.
+    /// [`Error::OutOfIds`], [`Error::Collisions`], [`Error::LongPaths`], [`Error::NotFinite`], and [`Error::Step`] from
+    /// the detector.
     pub fn step(&mut self) -> Result<(), Error> {
         let free = binding::free_receptors(&self.model, &self.state.totals.occupied);
         let moved = self.advance(&free, &mut SingleProcess)?;

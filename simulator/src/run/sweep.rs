@@ -27,8 +27,7 @@ pub struct SweepRuns {
 }
 
 impl SweepRuns {
-    /// Calls `run` for the scenario of each point, which gets `count` replicas. The points have directories within the
-    /// directory of the run.
+    /// Calls `run` for the scenario of each point, which gets `count` replicas and a directory within that of the run.
     pub fn new(sweep: Sweep, run: impl Fn(&crate::scenario::Scenario) -> Run, count: NonZeroU32) -> Self {
         let (mut directory, mut resume) = (PathBuf::new(), false);
         let (mut values, mut points) = (Vec::new(), Vec::new());
@@ -73,7 +72,7 @@ impl SweepRuns {
                 outdated.push(&point.run.directory);
             }
             let (path, text) = (point.run.directory.join(SCENARIO), &point.run.scenario.text);
-            // A resumed point keeps its scenario: that of the sweep file may be refused.
+            // A resumed point keeps its scenario, because that of the sweep may be refused.
             if point.run.resume && point.checkpoint_count().map_err(|error| named((k, error)))? > 0 {
                 continue;
             }
@@ -120,7 +119,7 @@ impl SweepRuns {
         })
     }
 
-    /// Refuses scenarios in points that are not begun: these are of others.
+    /// Refuses scenarios in points that are not begun, which are of others.
     fn refuse_scenarios(&self) -> Result<(), Error> {
         let mut new = self.points.iter().filter(|point| !point.is_begun() && !point.run.overwrite);
         new.try_for_each(|point| output::refuse_file(&point.run.directory, SCENARIO))

@@ -1,7 +1,7 @@
 //! Warnings of reactions that are too fast for the time step.
 //!
-//! Products react only in the next step, and reactants disappear at its end. Rates are off by about half of the
-//! fraction that reacts in a step.
+//! Products react in the next step, and reactants disappear at its end: rates are off by about half of the fraction
+//! that reacts in a step.
 
 use std::ops::Range;
 
@@ -27,7 +27,7 @@ impl TimeStepMonitor {
     pub(crate) fn add_steps(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: Range<u32>) {
         self.counts.resize(model.reactions.len(), (0.0, 0.0, 0.0));
         if steps.len() == 1 && begins_with_burst(model, steps.start) {
-            // Particles released near each other react at once, at any time step.
+            // Particles released together react at once at any time step.
             return;
         }
         for (index, reaction) in model.reactions.iter().enumerate() {

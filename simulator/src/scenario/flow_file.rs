@@ -8,7 +8,7 @@ use crate::Model;
 use crate::model::Flow;
 use crate::model::flow_field::FlowField;
 
-/// Makes the path of the flow's file absolute, because each point has its own directory.
+/// Makes the path of the flow's file absolute, since each point has its own directory.
 pub(super) fn with_absolute_path(mut text: String, directory: &Path) -> String {
     let found = DeTable::parse(&text).ok().and_then(|file| {
         let DeValue::Table(flow) = file.get_ref().get("flow")?.get_ref() else { return None };

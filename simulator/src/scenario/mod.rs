@@ -69,10 +69,10 @@ impl Scenario {
 }
 
 const MAX_WARNINGS: usize = 100;
-/// Bytes that parsing takes per byte of text, for tables with one short key each; tables with two keys take a third.
+/// Bytes that parsing takes per byte of text, for tables with one short key each.
 const BYTES_PER_BYTE: u64 = 200;
 
-/// Refuses a text whose parsing would exceed the memory and end the process.
+/// Refuses a text whose parsing would exceed the memory.
 fn check_length(bytes: usize) -> Result<(), Error> {
     let remedy = "make it shorter, or raise the limit";
     check_available(
@@ -134,7 +134,7 @@ fn short_message(message: &str) -> String {
     printed(with_short_quotes(message).as_bytes(), MOST_SHOWN)
 }
 
-/// Shortens words and quotations to [`MOST_QUOTED`] characters, because the parser quotes keys and values in full.
+/// Shortens words and quotations to [`MOST_QUOTED`] characters: the parser quotes keys and values in full.
 fn with_short_quotes(text: &str) -> String {
     let (mut shown, mut quote, mut length) = (String::new(), None, 0);
     for c in text.chars() {

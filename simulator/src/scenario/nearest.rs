@@ -3,7 +3,7 @@ pub(super) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> O
     names.min_by_key(|known| edits(name, known))
 }
 
-/// Characters of a name that are compared, because the time is quadratic in their number.
+/// Limit of compared characters; the time is quadratic in their number.
 const MAX_COMPARED: usize = 60;
 
 fn edits(from: &str, to: &str) -> usize {

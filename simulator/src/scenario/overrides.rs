@@ -3,7 +3,7 @@ use std::num::NonZeroU32;
 use super::Scenario;
 use crate::output::animation::Animation;
 
-/// Approximate number of frames of an animation.
+/// Approximate number.
 const ANIMATION_FRAMES: u32 = 200;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -14,9 +14,9 @@ pub struct Overrides {
     pub every: Option<NonZeroU32>,
     pub frames_every: Option<NonZeroU32>,
     pub checkpoint_every: Option<NonZeroU32>,
-    /// Maximum particles drawn; `None` for no animation.
+    /// Limit of drawn particles; `None` for no animation.
     pub animated: Option<NonZeroU32>,
-    /// Steps between frames; a two-hundredth of the scenario's steps by default.
+    /// Steps between frames; by default a two-hundredth of the scenario's.
     pub animate_every: Option<NonZeroU32>,
 }
 

@@ -6,11 +6,11 @@ use super::Scenario;
 use crate::model::message::Message;
 use crate::{Model, Receiver, Schedule, Transmitter};
 
-/// Number of rows in a symbol's time from which one row more or less matters little.
+/// Rows in a symbol's time from which one more or less matters little.
 const MANY_ROWS: f64 = 10.0;
 
 impl Scenario {
-    /// Returns warnings of settings without effect in a run of these steps and rows, each with a remedy.
+    /// Returns warnings of settings without effect in a run of these steps and rows.
     pub fn run_warnings(&self) -> Vec<String> {
         let transmitters = &self.model.transmitters;
         let late = transmitters.iter().filter_map(|transmitter| self.late_release(transmitter));

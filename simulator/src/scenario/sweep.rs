@@ -178,8 +178,8 @@ struct KnownKey {
     is_string: bool,
 }
 
-/// Parts and bytes of the longest path of a key. Elements of nested arrays have several names each, so the number of
-/// paths is exponential in their parts.
+/// Parts and bytes of the longest path of a key. The number of paths is exponential in their parts, because elements of
+/// nested arrays have several names.
 const MAX_PATH_PARTS: usize = 8;
 const MAX_PATH_BYTES: usize = 1024;
 
@@ -247,7 +247,7 @@ fn value_span(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool)
 /// Refuses equal values, because their points would be the same run.
 fn check_values(key: &SweptKey) -> Result<(), String> {
     let mut known = HashSet::new();
-    // Numbers are equal in any notation; strings, such as bits, keep their quotation marks.
+    // Numbers are equal in any notation; strings have quotation marks.
     let number = |value: &String| {
         value.replace('_', "").parse::<f64>().map_or_else(|_| value.clone(), |x| x.to_string())
     };

@@ -24,6 +24,7 @@ pub(super) use self::transport::{
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};
 use crate::model::transmitter::{Shape, Transmitter};
+use crate::model::vessel::dot;
 use crate::model::{Flow, Model, Species};
 use crate::reaction::rate;
 
@@ -53,27 +54,16 @@ pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
 }
 
 pub(super) fn walls(boundary: &Boundary) -> String {
-    let corner = |upper: bool| {
-        boundary.axes.map(|axis| match axis {
-            Axis::Reflecting { low, high } | Axis::Periodic { low, high } => {
-                if upper {
-                    high
-                } else {
-                    low
-                }
-            }
-            Axis::Frozen => 0.0,
-            Axis::Open => {
-                if upper {
-                    f32::INFINITY
-                } else {
-                    f32::NEG_INFINITY
-                }
-            }
-        })
-    };
+    let ends = boundary.axes.map(|axis| match axis {
+        Axis::Reflecting { low, high } | Axis::Periodic { low, high } => [low, high],
+        Axis::Frozen => [0.0; 2],
+        Axis::Open => [f32::NEG_INFINITY, f32::INFINITY],
+    });
     match &boundary.vessel {
-        None => format!("the walls of the box from {:?} to {:?}", corner(false), corner(true)),
+        None => {
+            let [low, high] = [0, 1].map(|end| ends.map(|axis| axis[end]));
+            format!("the walls of the box from {low:?} to {high:?}")
+        }
         Some(v) => {
             let Some(along) = v.along else {
                 return format!("the sphere of radius {} around {:?}", v.radius, v.center);
@@ -120,7 +110,7 @@ pub(super) fn long_step(
     ))
 }
 
-/// Largest step, in mean times to an event that is tested at the ends of steps only.
+/// Largest step, in mean times to an event that is tested at the ends of steps.
 const FAST_REACTION: f64 = 0.2;
 
 pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option<String> {
@@ -179,7 +169,7 @@ fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     match &model.flow {
         Some(Flow::Plug(flow)) => velocity.iter_mut().zip(flow).for_each(|(v, u)| *v += u),
         Some(Flow::Poiseuille { mean }) => more += 2.0 * mean.abs(),
-        Some(Flow::Field(field)) => more += field.fastest().iter().map(|v| v * v).sum::<f64>().sqrt(),
+        Some(Flow::Field(field)) => more += dot(field.fastest(), field.fastest()).sqrt(),
         None => {}
     }
     let relative: f64 = velocity.iter().zip(receiver.velocity).map(|(v, u)| (v - u).powi(2)).sum();
@@ -201,7 +191,7 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
     })
 }
 
-/// Largest fraction of reversible pairs that bind again at once without a warning.
+/// Largest fraction of pairs that bind again at once without a warning.
 const MAX_REBOUND_FRACTION: f64 = 0.02;
 
 pub(super) fn slow_relaxation(

@@ -37,7 +37,7 @@ pub struct Totals {
     pub present: Vec<u64>,
     /// Released particles, by species.
     pub released: Vec<u64>,
-    /// Particles that a receiver removed, or that are bound to it now, by receiver and species.
+    /// Particles that were removed, or are bound now, by receiver and species.
     pub arrived: Vec<Vec<u64>>,
     /// Occupied receptors now, by receptor type in the order of receivers.
     pub occupied: Vec<u64>,
@@ -117,7 +117,7 @@ impl State {
         Self { totals, ..self }
     }
 
-    /// Returns the origins, restored if the model logged no arrivals and all ids are those of scheduled releases.
+    /// Returns the origins, restored if no arrivals were logged and all ids are those of scheduled releases.
     pub(crate) fn restored_origins(&self, model: &Model, key: Key) -> Origins {
         if !model.logs_arrivals || self.origins != Origins::default() {
             return self.origins.clone();

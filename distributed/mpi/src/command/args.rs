@@ -183,7 +183,7 @@ impl Args {
 }
 
 impl Command {
-    /// Returns the options that ranks must share, without those of runs, which are compared with the scenarios.
+    /// Returns the options that ranks must share, without those of runs, which are compared with scenarios.
     pub(crate) fn shared(&self) -> Settings {
         let settings = Settings::new(env!("CARGO_PKG_VERSION"));
         match self {
@@ -209,7 +209,7 @@ impl Detect {
     fn shared(&self, settings: Settings) -> Settings {
         let radii: Vec<_> =
             self.radii.iter().map(|(species, radius)| format!("{species}={radius}")).collect();
-        // No box is not an unbounded one, since a file may declare a box.
+        // Without this option, the file may declare a box.
         let periodic = self.periodic.map(|space| {
             space
                 .lengths()

@@ -1,9 +1,8 @@
-use std::fmt::Write;
 use std::time::{Duration, Instant};
 
 use lazygrid::Sphere;
 use lazygrid::glam::Vec3;
-use lazygrid_mpi::{Config, Distributed, Error, OwnedSpheres, Ownership, Report, agree};
+use lazygrid_mpi::{Config, Distributed, Error, OwnedSpheres, Ownership, Report, agree, try_reserved};
 use lazygrid_ranks::tie_breaker;
 use mpi::collective::SystemOperation;
 use mpi::topology::SimpleCommunicator;
@@ -33,7 +32,7 @@ pub(crate) fn bench_scaling(world: &SimpleCommunicator, args: &BenchScaling) -> 
     }
     let mut distributed = Distributed::new(world, config)?;
     let mut particles = rank_spheres(world, args.scene, spheres)?;
-    // Only the first step moves all spheres and allocates buffers.
+    // The first step moves all spheres and allocates buffers.
     let first = step(world, &mut distributed, &mut particles)?;
     let mut steps = Vec::new();
     for number in 1..=args.steps {
@@ -89,9 +88,7 @@ fn row(args: &BenchScaling, first: &Step, steps: &[Step], report: &Report) -> St
         },
         "reason": report.detector,
     });
-    let mut line = String::new();
-    let _ = writeln!(line, "{object}");
-    line
+    format!("{object}\n")
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {
@@ -104,14 +101,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 fn rank_spheres(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<OwnedSpheres, Error> {
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
     let ids = rank_range(spheres, rank, ranks);
-    let mut local = Vec::new();
-    let bytes = (ids.end - ids.start).saturating_mul(size_of::<Sphere>() as u64);
-    let reserved = local.try_reserve_exact((ids.end - ids.start) as usize).map_err(|_| Error::OutOfMemory {
-        rank: rank as u32,
-        what: "spheres".to_owned(),
-        bytes,
-    });
-    agree(world, reserved)?;
+    let mut local = agree(world, try_reserved("spheres", ids.end - ids.start, rank as u32))?;
     local.extend(ids.clone().map(|id| sphere(scene, id, spheres)));
     Ok(OwnedSpheres { spheres: local, ids: ids.collect(), ..OwnedSpheres::default() })
 }

@@ -91,7 +91,7 @@ impl FileSplit {
         }
         let path = &args.file;
         let cannot = |error| format!("{}: cannot read: {error}", path.display());
-        // Bytes of a pipe that one rank reads are lost to others.
+        // Several ranks cannot read a pipe.
         if !path.metadata().map_err(cannot)?.is_file() {
             return Ok(Self::Whole);
         }
@@ -107,7 +107,7 @@ impl FileSplit {
             _ if compressed || is_later => None,
             Some(Format::Npy) => NpyRows::open(path).map_err(|error| error.to_string())?.map(Self::Rows),
             Some(Format::Csv) => text::TextRows::open(path).map_err(cannot)?.map(Self::Lines),
-            // Only a reader of all lines of a Smoldyn listing sees a repeated serial number.
+            // Only a reader of a whole Smoldyn listing sees repeated serial numbers.
             _ => None,
         };
         Ok(split.unwrap_or_else(|| {
@@ -134,7 +134,7 @@ fn whole(path: &Path, args: &Detect) -> Result<(Frame, Option<Species>), String>
 /// Collective.
 fn warn_of_radii(world: &SimpleCommunicator, args: &Detect, local: Option<&Species>) {
     let radii = args.options().radii;
-    // Open MPI refuses to reduce two empty vectors of Rust, which have the same address.
+    // Open MPI refuses to reduce two empty vectors, which have the same address.
     if radii.is_empty() {
         return;
     }

@@ -14,7 +14,7 @@ pub(crate) fn write(
         .zip(pairs)
         .map(|(rank, pairs)| {
             let file = target.rank_file(rank);
-            // Relative, so that both can be moved.
+            // Relative: files and manifest can be moved together.
             let name = file.file_name().unwrap_or_default().to_string_lossy();
             json!({ "rank": rank, "file": name, "pairs": pairs })
         })

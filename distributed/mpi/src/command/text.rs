@@ -1,4 +1,4 @@
-//! Whole lines of a CSV file for each rank, after the common header.
+//! Whole lines of a CSV file for each rank, after the header.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};

@@ -2,7 +2,7 @@ use lazygrid::Space;
 
 use crate::{Coordinate, SizeClass, SphereWrapper, WrappedSphere};
 
-/// Factor of the largest distance, above all rounding of the test and of the contact test.
+/// Factor of the largest distance that exceeds all rounding of this and of the contact test.
 const MARGIN: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
 /// Distance above which squares do not underflow, 2⁻⁴⁸⁰.
 const MIN_SQUARED: f64 = f64::from_bits((1023 - 480) << 52);
@@ -19,7 +19,7 @@ pub struct ClassBounds<T = f32> {
 }
 
 impl<T: Coordinate> ClassBounds<T> {
-    /// Returns a box for each class and group, ascending.
+    /// Returns a box for each class and group, in this order.
     pub fn all_of(spheres: &[WrappedSphere<T>]) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
         // Boxes are few, and equal spheres often adjacent.
@@ -86,8 +86,8 @@ impl<T: Coordinate> ClassBounds<T> {
         })
     }
 
-    /// Returns `true` if spheres of both boxes may overlap and are at most `cutoff` apart, or if unsure. Their
-    /// species must pair at most at `cutoff`, which is infinite if only radii count.
+    /// Returns `true` if spheres of both boxes may overlap and are at most `cutoff` apart, or if unsure. `cutoff` is at
+    /// least that of their species, infinite if only radii count.
     ///
     /// # Correctness
     ///
@@ -97,8 +97,8 @@ impl<T: Coordinate> ClassBounds<T> {
     /// 3. Every operation is monotone, with or without rounding.
     /// 4. Radii of at least [`Coordinate::UNLIMITED`] limit no distance: larger `f32` radii are cut there.
     /// 5. The `f64` contact test computes as if exponents had no bounds. Here an overflowing sum of squares
-    ///    exceeds every limit with a finite square, and squares that may underflow are not used. In both
-    ///    cases no axis of touching spheres exceeds the limit by more than rounding, which the margin covers.
+    ///    exceeds every limit with a finite square, and squares that may underflow are not used. Along each axis,
+    ///    touching spheres exceed the limit by rounding at most, which the margin covers.
     /// 6. Wrapped `f64` centers are exact. Radii have grown by more than the contact test rounds images
     ///    ([`SphereWrapper::wrap_f64`]).
     #[inline]
@@ -123,7 +123,7 @@ impl<T: Coordinate> ClassBounds<T> {
 fn gap(a: [f64; 2], b: [f64; 2], length: Option<f64>) -> f64 {
     let direct = (b[0] - a[1]).max(a[0] - b[1]).max(0.0);
     match length {
-        // Points are at most this span apart, or at least the rest of the ring.
+        // Around the ring, points are at least its length less their span apart.
         Some(length) => direct.min((length - (a[1].max(b[1]) - a[0].min(b[0]))).max(0.0)),
         None => direct,
     }

@@ -8,8 +8,8 @@ pub struct RankAndClass {
     pub class: SizeClass,
 }
 
-/// Returns `true` if `sphere` becomes a ghost at the owner of `other`. Exactly one of two spheres on
-/// different ranks does.
+/// Returns `true` if `sphere` becomes a ghost at the owner of `other`, as exactly one of two spheres on different
+/// ranks does.
 #[inline]
 pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> bool {
     if sphere.rank == other.rank {

@@ -42,7 +42,7 @@ impl Ghosts {
         Ok(Self::new(ghosts, &counts))
     }
 
-    /// Works like [`exchange`](Self::exchange), but also sends the `f64` rows `x, y, z, r`, which decide. Collective.
+    /// Also sends the `f64` rows `x, y, z, r`, which decide. Collective.
     pub fn exchange_f64<C: Communicator>(
         communicator: &mut C,
         leaving: &[Vec<u32>],

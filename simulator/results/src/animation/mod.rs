@@ -1,5 +1,5 @@
-//! A page that plays a run in any browser with WebGL 2. Positions are base64 of 16 bits per coordinate, relative to
-//! the frame's extent.
+//! A page that plays a run in any browser with WebGL 2. Positions have 16 bits per coordinate, relative to the frame's
+//! extent, in base64.
 
 mod scene;
 

@@ -86,9 +86,9 @@ struct Line {
     counts: Vec<u64>,
 }
 
-/// Largest number of rows of the series in the charts.
+/// Rows of the series in the charts.
 const MAX_CHART_ROWS: usize = 1000;
-/// Largest number of particles per frame that determine the view.
+/// Particles per frame that determine the view.
 const MAX_VIEW_PARTICLES: usize = 500;
 /// Fraction of these particles that the view contains.
 const VIEW_FRACTION: f64 = 0.8;

@@ -5,10 +5,9 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::random::bridge::NEVER;
 use crate::random::gaussian::normals;
 
-/// Least width of a gap, in standard deviations of a substep. A substep that begins at one side reaches the other
-/// with a probability of 6 in 100 000.
+/// Least width of a gap, in standard deviations of a substep: from one side to the other with a probability of 6 in
+/// 100 000.
 const MIN_GAP_WIDTH: f32 = 4.0;
-/// Largest number of substeps of a step.
 pub(crate) const MAX_SUBSTEPS: u32 = 256;
 
 /// Returns the narrowest gap along each axis, in µm; infinite without one.

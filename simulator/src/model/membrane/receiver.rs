@@ -1,7 +1,7 @@
 //! Moving receivers, whose surfaces membranes reflect as walls do.
 //!
-//! A membrane keeps a receiver on one side if both act on a common species. A receiver that reflects particles turns
-//! at the least distance of a resting one.
+//! A membrane keeps a receiver on one side if both act on a common species. A receiver that reflects particles turns at
+//! the least distance of a resting one.
 
 use super::{Membrane, MembraneSurface};
 use crate::model::boundary::{Axis, Boundary};
@@ -12,7 +12,7 @@ use crate::model::{Model, Species};
 /// Least distance of a membrane from a surface that reflects particles, in √(2DΔt) with D the sum of the diffusion
 /// coefficients of particle and surface. One step in 16 000 is longer along an axis.
 pub(super) const STEPS_APART: f64 = 4.0;
-/// Largest number of reflections in a step at several membranes; a receiver with more stays where it was.
+/// Largest number of reflections in a step; a receiver with more stays where it was.
 const MAX_REFLECTIONS: u32 = 8;
 
 struct Side {
@@ -87,17 +87,14 @@ impl Receiver {
 }
 
 fn bounds(surfaces: &[(MembraneSurface, f64)], axis: usize, domain: &Boundary, center: [f32; 3]) -> [f32; 2] {
-    let ([mut low, mut high], period) = match domain.axes[axis] {
-        Axis::Reflecting { low, high } => ([low, high], None),
-        Axis::Periodic { low, high } => ([f32::NEG_INFINITY, f32::INFINITY], Some(high - low)),
-        Axis::Open | Axis::Frozen => ([f32::NEG_INFINITY, f32::INFINITY], None),
+    let [mut low, mut high] = match domain.axes[axis] {
+        Axis::Reflecting { low, high } => [low, high],
+        _ => [f32::NEG_INFINITY, f32::INFINITY],
     };
-    let images: &[f32] = if period.is_some() { &[-1.0, 0.0, 1.0] } else { &[0.0] };
     for &(surface, distance) in surfaces {
         let MembraneSurface::Plane { axis: across, position } = surface else { continue };
-        for at in images.iter().map(|image| position + image * period.unwrap_or(0.0)) {
+        for at in domain.axes[axis].plane_images(position).filter(|_| across == axis) {
             match at <= center[axis] {
-                _ if across != axis => {}
                 true => low = low.max((f64::from(at) + distance) as f32),
                 false => high = high.min((f64::from(at) - distance) as f32),
             }

@@ -8,14 +8,13 @@
 //! ```
 //!
 //! It follows from averaging ½(1 − exp(−2κL/D)) (`membrane.rs`) over the paths that touch the plane and end at b on
-//! either side. A segment to the free end that crosses the plane passes with the probability of this factor, and is
-//! reflected otherwise. That is exact for a plane and steps of any length.
+//! either side. A segment to the free end that crosses the plane passes with this probability, and is reflected
+//! otherwise. That is exact for a plane and steps of any length.
 //!
 //! # Correctness
 //!
-//! On a sphere the segment is that of a billiard. At each crossing it continues or is reflected, with z = ℓ·cos θ for
-//! the length ℓ of the whole segment and its angle θ to the normal. A uniform density stays uniform at any step
-//! length:
+//! At a sphere the segment continues or is reflected as in a billiard, with z = ℓ·cos θ for the length ℓ of the whole
+//! segment and its angle θ to the normal. A uniform density stays uniform at any step length:
 //!
 //! 1. Reflections and passages conserve volumes of positions and directions.
 //! 2. The reverse of a segment has the same crossings, ℓ and angles, hence the same probability.
@@ -29,7 +28,7 @@ use crate::model::vessel::dot;
 use crate::random::philox::fine_unit;
 use crate::special::{ROOT_PI, erfcx};
 
-/// Largest number of crossings and reflections in a step; a particle with more stays where it was.
+/// Largest number of crossings and reflections; a particle with more stays where it was.
 const MAX_EVENTS: u32 = 64;
 /// Largest number of tried corrections of a rounded position; the k-th is 2^(k − 23) of the radius.
 const NUDGES: u32 = 8;

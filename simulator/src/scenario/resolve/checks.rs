@@ -6,7 +6,7 @@ use toml::Spanned;
 use crate::model::Model;
 use crate::scenario::{Problem, warnings};
 
-/// Returns the spans of all receivers: those of `receiver` tables and of transmitters with a body.
+/// Returns the spans of all receivers, in `receiver` tables and transmitters with a body.
 pub(super) fn receiver_spans(file: &File, has_body: impl Iterator<Item = bool>) -> Vec<Range<usize>> {
     let site_count = |one: &lazygrid_scenario::Receiver| {
         let sites = one.lattice.map_or([1; 3], |lattice| lattice.places.map(u32::from));

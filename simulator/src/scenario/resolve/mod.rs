@@ -297,7 +297,7 @@ fn equation_name(equation: &Spanned<String>) -> String {
     equation.get_ref().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Gives equal names a number, as in `-> A (2)`, because files tell them apart by name.
+/// Numbers equal names, as in `-> A (2)`, because files tell them apart by name.
 fn number_equal_names<'a>(names: impl Iterator<Item = &'a mut String>) {
     let mut counts: HashMap<String, u32> = HashMap::new();
     for name in names {

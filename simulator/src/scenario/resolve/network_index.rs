@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::model::{Decay, Reaction};
+use crate::model::{Decay, Reaction, sorted};
 
 #[derive(Default)]
 pub(super) struct NetworkIndex {
@@ -48,10 +48,6 @@ impl NetworkIndex {
     pub(super) fn decay_rate(&self, species: u32) -> f64 {
         self.decay_rates.get(&species).copied().unwrap_or_default()
     }
-}
-
-fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
-    [a.min(b), a.max(b)]
 }
 
 fn both(products: [Option<u32>; 2]) -> Option<[u32; 2]> {

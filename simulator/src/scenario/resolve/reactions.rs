@@ -111,7 +111,7 @@ impl Network<'_> {
         self.index.channels(draft.bare.reactants).iter().map(|&index| &self.drafts[index])
     }
 
-    /// Refuses too many reactions of a pair: their probabilities take quadratic time and memory.
+    /// Refuses more: probabilities take quadratic time and memory.
     fn check_count(&self, draft: &Draft<'_>, names: &Names<'_>) -> Result<(), Problem> {
         let count = self.index.channels(draft.bare.reactants).len();
         if count <= MAX_CHANNELS {
@@ -232,8 +232,7 @@ impl Network<'_> {
         }
     }
 
-    /// Returns the separation of products: the radius in the file, otherwise the ball of the reverse reaction,
-    /// otherwise 0.
+    /// Returns the radius in the file, otherwise the ball of the reverse reaction, otherwise 0.
     fn unbinding(
         &self,
         decay: &Decay,
@@ -304,7 +303,7 @@ fn is_reverse(a: &Reaction, b: &Reaction) -> bool {
     leads(a, b) && leads(b, a)
 }
 
-/// Returns the product of each reactant, of its own species if possible; `None` for more than two products.
+/// Returns the product of each reactant, its own species if possible; `None` for more than two products.
 fn assigned_products(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
     let mut placed = [None; 2];
     let mut others = Vec::new();

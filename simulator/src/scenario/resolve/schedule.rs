@@ -108,8 +108,7 @@ fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
     }
 }
 
-/// Largest number of bits of a transmitter, and of symbols of all transmitters. Each symbol is a row of symbols.csv, which
-/// is written before the first step.
+/// Limit of the bits of a transmitter, and of the symbols of all transmitters, which are the rows of symbols.csv.
 pub(super) const MAX_BITS: usize = 1 << 22;
 
 pub(super) fn bits_span(transmitter: &file::Transmitter) -> Range<usize> {
@@ -157,7 +156,7 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
                     format!("'{}' may contain only 0, 1, spaces and '_'", excerpt(text.as_bytes())),
                 ));
             }
-            // Counted before a vector is made, to bound its size.
+            // Counted first, to bound the size of the vector.
             let mut bits = text.bytes().filter(|byte| b"01".contains(byte));
             let count = whole(bits.clone().count())?;
             if count == 0 {
@@ -201,7 +200,7 @@ pub(super) fn to_f32(center: [Finite; 3]) -> [f32; 3] {
     center.map(|Finite(x)| x as f32)
 }
 
-/// Returns a radius in single precision. Refuses one above 0 that rounds to 0.
+/// Refuses a radius above 0 that rounds to 0 in single precision.
 pub(super) fn single_radius(radius: f64, span: Range<usize>) -> Result<f32, Problem> {
     let single = radius as f32;
     if radius > 0.0 && single == 0.0 {

@@ -67,14 +67,16 @@ fn equal_values_are_refused() {
 #[test]
 fn keys_of_several_entries_are_refused() {
     let entry = "{ species = 'A', count = 5 }";
-    let twice = TEXT.replace("bits = \"01\"\nsymbol-time = 0.02\n", "").replace(entry, &format!("{entry}, {entry}"));
+    let twice =
+        TEXT.replace("bits = \"01\"\nsymbol-time = 0.02\n", "").replace(entry, &format!("{entry}, {entry}"));
     let refused = sweep(&twice, &["transmitter.tx.release.A.count=1,2"]).unwrap_err();
     assert!(refused.contains("several keys 'transmitter.tx.release.A.count' to sweep"), "{refused}");
     let points = sweep(&twice, &["transmitter.tx.release.1.count=1,2"]).unwrap().unwrap().points;
     let counts = points.iter().map(|point| &point.scenario.model.transmitters[0].release);
     assert!(counts.eq(&[vec![(0, 5), (0, 1)], vec![(0, 5), (0, 2)]]));
     // The first receiver has the name of the second one's index.
-    let named = format!("{TEXT}[[receiver]]\nname = 'ry'\ncenter = [9, 0, 0]\nradius = 1\nkind = 'transparent'\n");
+    let named =
+        format!("{TEXT}[[receiver]]\nname = 'ry'\ncenter = [9, 0, 0]\nradius = 1\nkind = 'transparent'\n");
     assert!(sweep(&named, &["receiver.1.radius=2,3"]).is_ok());
     assert!(sweep(&named.replace("'rx'", "'1'"), &["receiver.1.radius=2,3"]).is_err());
 }

@@ -4,18 +4,17 @@ use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
 use crate::model::{Model, Species};
 
-/// Largest √(2DΔt) near an absorbing disk, in radii. At this length a disk in a square of 8 radii absorbs 1 % too few
-/// (Monte Carlo, 4·10⁵ particles).
+/// Largest √(2DΔt) near an absorbing disk, in radii: a disk in a square of 8 radii then absorbs 1 % too few (Monte
+/// Carlo, 4·10⁵ particles).
 const LONG_BY_DISK: f64 = 1.0;
-/// Largest √(2DΔt) in a cylinder whose side absorbs, in radii. At this length 1.2 % too few are left after a time of
-/// 0.25 R²/D, and at 0.7 times the radius 5 % too many (same method).
+/// Largest √(2DΔt) in a cylinder whose side absorbs, in radii: 1.2 % too few are left after a time of 0.25 R²/D, and
+/// 5 % too many at 0.7 (same method).
 const LONG_IN_CYLINDER: f64 = 0.5;
-/// Largest √(2DΔt) between two walls of which one absorbs, in distances L. If both do, 3 % too many are left at 0.45 after
-/// a time of 0.2 L²/D, and 18 % at 0.63 (same method). If one does, see `gaps.rs`.
+/// Largest √(2DΔt) between two walls of which one absorbs (see `gaps.rs`) or both, in distances L. If both do, 3 % too
+/// many are left at 0.45 after a time of 0.2 L²/D, and 18 % at 0.63 (same method).
 const LONG_BETWEEN_WALLS: f64 = 0.4;
-
-/// Largest √(2DΔt) at a sphere that a wall cuts, if the wall absorbs, in radii. At 0.47 a hemisphere absorbs 1.4 % too few,
-/// at 0.94 6 % (Monte Carlo, 10⁵ particles).
+/// Largest √(2DΔt) at a sphere that an absorbing wall cuts, in radii. A hemisphere absorbs 1.4 % too few at 0.47, and
+/// 6 % at 0.94 (Monte Carlo, 10⁵ particles).
 const LONG_AT_WALL: f64 = 0.4;
 
 pub(in crate::scenario) fn long_step_to_absorber(model: &Model, species: usize) -> Option<String> {

@@ -8,14 +8,14 @@ use crate::model::receiver::{Receiver, finder, rounding};
 
 /// Largest number of pairs of a search.
 const MAX_PAIRS: usize = 1 << 20;
-/// Number of searches, each within half the distance of the former.
+/// Limit of searches, each within half the distance of the former.
 const MAX_SEARCHES: usize = 64;
-/// Receivers that are tested against each other if the search refuses them.
+/// Limit of receivers that are compared with each other if the search refuses them.
 const MAX_TESTED: usize = 1000;
 const CHUNK: usize = 1 << 16;
 
-/// Returns pairs of receivers with surfaces at most `distance` apart, the smaller index first, in ascending order. In
-/// crowds the distance is smaller, so that the closest pairs are found.
+/// Returns ascending pairs of receivers with surfaces at most `distance` apart, the smaller index first. In crowds the
+/// distance is smaller, so that the closest pairs are found.
 pub(super) fn close_pairs(boundary: &Boundary, receivers: &[&Receiver], distance: f64) -> Vec<[usize; 2]> {
     if receivers.len() < 2 {
         return Vec::new();

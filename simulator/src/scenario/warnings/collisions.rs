@@ -4,10 +4,9 @@ use crate::model::receiver::ReceiverKind;
 use crate::model::{Contact, Model, Species};
 
 /// Largest mean number of collisions per particle and step. With more, separated particles diffuse more slowly, and
-/// receivers see only the chord of a bent path.
+/// receivers see the chord of a bent path.
 const MANY_COLLISIONS: f64 = 1.0;
-/// Largest mean number of collisions per particle and step if the result is right with more. With more, a step takes
-/// long.
+/// Largest mean number if the result is right with more, but takes long.
 const COSTLY_COLLISIONS: f64 = 100.0;
 
 /// Assumes the density after `steps` steps, in bounded space.

@@ -1,16 +1,16 @@
 //! Decays that happen too early or too late in a long step.
 //!
-//! Decays and dissociations of released particles and of products of decays are right at any step length. The
-//! exceptions: nothing dissociates between a release and the end of its step, products of a species that can dissociate
-//! begin at the end of its step, and pairs react at the end of a step, without the particles that decayed in it.
+//! Decays and dissociations of released particles and of products of decays are right at any step length, except that
+//! nothing dissociates between a release and the end of its step, products of a species that can dissociate begin at
+//! the end of its step, and pairs react at the end of a step, without the particles that decayed in it.
 
 use std::collections::HashSet;
 
 use super::below;
 use crate::model::transmitter::{Schedule, Transmitter};
-use crate::model::{Decay, Model, Unbinding};
+use crate::model::{Decay, Model, Unbinding, sorted};
 
-/// Largest step, in lifetimes, of a particle that can decay in the next step at the earliest, or that reacts in pairs.
+/// Largest step, in lifetimes, of a particle that decays in the next step at the earliest, or that reacts in pairs.
 const FAST_DECAY: f64 = 0.02;
 
 /// Returns a warning for the fastest decay of each species, indexed by decay.
@@ -41,7 +41,7 @@ fn fastest_decays(model: &Model) -> Vec<Option<(usize, f64)>> {
 
 /// The ends and beginnings of particles, indexed by species.
 struct SpeciesTiming {
-    /// Formed or dissociating at the end of a step, and counted from there.
+    /// Formed or dissociating at the end of a step.
     is_late: Vec<bool>,
     /// Reactants of pairs whose number at the ends of steps is lower than that of all in the step.
     is_early: Vec<bool>,
@@ -50,7 +50,7 @@ struct SpeciesTiming {
 impl SpeciesTiming {
     fn new(model: &Model) -> Self {
         let none = || vec![false; model.species.len()];
-        let dissociates = dissociating(model);
+        let dissociates = model.dissociating();
         let (mut is_late, mut reacts, mut begins) = (none(), none(), none());
         let exchanges = exchanges(model);
         for reaction in &model.reactions {
@@ -104,14 +104,6 @@ impl SpeciesTiming {
     }
 }
 
-fn dissociating(model: &Model) -> Vec<bool> {
-    let mut dissociates = vec![false; model.species.len()];
-    for decay in model.decays.iter().filter(|decay| decay.splits()) {
-        dissociates[decay.reactant as usize] = true;
-    }
-    dissociates
-}
-
 /// Returns reactant and products of the dissociations within a binding radius.
 fn exchanges(model: &Model) -> HashSet<(u32, [u32; 2])> {
     let exchange = |decay: &Decay| match (decay.products, decay.unbinding) {
@@ -138,8 +130,4 @@ fn released_within_a_step(model: &Model, dissociates: &[bool]) -> Vec<usize> {
         }
     }
     found
-}
-
-fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
-    [a.min(b), a.max(b)]
 }

@@ -1,12 +1,13 @@
 use super::below;
 use super::close_pairs::close_pairs;
+use super::transport::drift;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{Receiver, ReceiverKind, WallFace, signed_distance};
-use crate::model::{Flow, Model, Species, share_species};
+use crate::model::{Model, Species, share_species};
 
-/// Largest √(2DΔt) between two surfaces that face each other, in gaps L. From a point at 0.9 L, 1 % too many are left in
-/// front of a wall that absorbs and opposite to one that reflects after a time of 0.5 L²/D, 9 % at 0.58 and 22 % at 0.71
-/// (Monte Carlo, 6·10⁴ particles).
+/// Largest √(2DΔt) between two surfaces that face each other, in gaps L. From a point at 0.9 L, 1 % too many are left
+/// in front of a wall that absorbs and opposite to one that reflects after a time of 0.5 L²/D, 9 % at 0.58 and 22 % at
+/// 0.71 (Monte Carlo, 6·10⁴ particles).
 const LONG_IN_GAP: f64 = 0.4;
 /// Smaller gaps, in radii of the smaller sphere, are contacts: few particles reach them.
 const CONTACT_GAP: f64 = 0.03;
@@ -21,10 +22,10 @@ struct Gap {
     between: [Surface; 2],
 }
 
-/// Named only in a message: there may be hundreds of thousands of gaps.
+/// Without names, because there may be hundreds of thousands of gaps.
 #[derive(Clone, Copy)]
 enum Surface {
-    /// Its index among the receivers that the species sees.
+    /// Index among the receivers that see the species.
     Receiver(usize),
     Image,
     Wall(WallFace),
@@ -42,7 +43,7 @@ impl Surface {
     }
 }
 
-/// A path between two surfaces is right if it reaches one of them.
+/// A path is right if it reaches one of two surfaces.
 pub(in crate::scenario) fn long_step_across_gap(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let seen: Vec<&Receiver> = model.receivers.iter().filter(|receiver| receiver.sees[species]).collect();
@@ -196,7 +197,7 @@ pub(in crate::scenario) fn long_step_between_walls(model: &Model, species: usize
         let Axis::Reflecting { low, high } = model.boundary.axes[axis] else { return None };
         let absorbs = |receiver: &Receiver| receiver.is_across(axis) && receiver.sees[species];
         let length = f64::from(high - low - 2.0 * one.radius);
-        let speed = (one.drift[axis] + plug(model)[axis]).abs();
+        let speed = drift(model, species)[axis].abs();
         let matters = speed * length > LEAST_DRIFT * one.diffusion;
         (matters && !model.receivers.iter().any(absorbs)).then_some((length, speed))
     };
@@ -211,11 +212,4 @@ pub(in crate::scenario) fn long_step_between_walls(model: &Model, species: usize
             below(longest)
         )
     })
-}
-
-fn plug(model: &Model) -> [f64; 3] {
-    match model.flow {
-        Some(Flow::Plug(velocity)) => velocity,
-        _ => [0.0; 3],
-    }
 }

@@ -6,7 +6,7 @@ use crate::model::{Model, Species, share_species};
 
 /// Largest √(2DΔt) at a spherical membrane, in radii.
 const LONG_AT_SPHERE: f64 = 0.25;
-/// Least distance of a membrane from another, from its own image and of a plane from a wall, in √(2DΔt) of a step or,
+/// Least distance of a membrane from another or its own image, and of a plane from a wall, in √(2DΔt) of a step or,
 /// between planes, of the shortest substep.
 const STEPS_IN_GAP: f64 = 2.5;
 

@@ -1,11 +1,12 @@
+use super::transport::drift;
 use crate::model::boundary::Axis;
 use crate::model::receiver::Receiver;
-use crate::model::{Flow, Model, Species};
+use crate::model::{Model, Species};
 
 /// Least √(2DΔt), in distances of neighboring numbers u: rounding adds u²/12 to the mean square, 1 % at 3 u.
 const LEAST_STEP: f64 = 3.0;
-/// Least displacement by drift or speed without diffusion, in the same distances; each step is rounded to a multiple of
-/// that distance.
+/// Least displacement by drift or speed without diffusion, in the same distances, to multiples of which steps are
+/// rounded.
 const LEAST_DRIFT: f64 = 50.0;
 
 struct Motion<'a> {
@@ -14,15 +15,12 @@ struct Motion<'a> {
     velocity: [f64; 3],
 }
 
-/// Positions are `f32`, so that short steps far from the origin are rounded.
+/// Short steps far from the origin are rounded, because positions are `f32`.
 pub(in crate::scenario) fn rounded_steps(model: &Model, species: usize) -> Option<String> {
-    let Species { ref name, diffusion, speed, thermal_speed, mut drift, .. } = model.species[species];
-    if let Some(Flow::Plug(flow)) = model.flow {
-        drift.iter_mut().zip(flow).for_each(|(v, u)| *v += u);
-    }
+    let Species { ref name, diffusion, speed, thermal_speed, .. } = model.species[species];
     let own_speed = speed.max(thermal_speed);
-    // Directions of own velocities vary, so that drifts are rounded to either side.
-    let velocity = if own_speed > 0.0 { [own_speed; 3] } else { drift };
+    // Own velocities vary in direction, so that drifts are rounded to either side.
+    let velocity = if own_speed > 0.0 { [own_speed; 3] } else { drift(model, species) };
     rounded(model, &largest_coordinates(model), &Motion { name, diffusion, velocity })
 }
 

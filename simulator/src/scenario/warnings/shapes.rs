@@ -4,11 +4,11 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::model::transmitter::{Shape, Transmitter};
 use crate::random::philox::{Key, Purpose};
 
-/// Number of points that are drawn to estimate the fraction of a shape outside the walls.
+/// Points that estimate the fraction of a shape outside the walls.
 const SAMPLED_POINTS: u32 = 1000;
 /// Larger fractions outside a vessel exclude a few particles in a thousand from all draws of `drawn_within_vessel`.
 const MOST_OUTSIDE: f64 = 0.9;
-/// Part of a coordinate or extent that rounding may add.
+/// Fraction of a coordinate or extent that rounding may add.
 const ROUNDING: f32 = 1e-5;
 
 /// Warns of points that walls mirror or exclude, and of a shape that overlaps its own images.
@@ -17,7 +17,7 @@ pub(in crate::scenario) fn misplaced_shape(transmitter: &Transmitter, boundary: 
         return Some(message);
     }
     let (beyond, outside) = fractions_outside(transmitter, boundary);
-    // A Gaussian that walls mirror is that of diffusion before them.
+    // A mirrored Gaussian is that of diffusion in front of walls.
     let is_mirrored = beyond > 0.0 && !matches!(transmitter.shape, Shape::Gaussian(_));
     let name = excerpt(transmitter.name.as_bytes());
     let reason = match (is_source(transmitter), is_mirrored, outside) {

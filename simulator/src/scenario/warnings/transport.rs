@@ -6,8 +6,8 @@ use crate::model::vessel::dot;
 use crate::model::{Flow, Model};
 use crate::motion::tumble::tumble_probability;
 
-/// Largest relative change of the distance of two particles by the flow in a step. Above it, an error of second order
-/// in the time step is too large.
+/// Largest relative change of the distance of two particles by the flow in a step, for an error of second order in the
+/// time step.
 const STEEP_FLOW: f64 = 0.3;
 
 pub(in crate::scenario) fn unresolved_flow(model: &Model) -> Vec<String> {
@@ -64,7 +64,7 @@ pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) 
             (longest, format!("the spread along the vessel is {:.1} % too large", 100.0 * off))
         }
         Some(Flow::Field(field)) => {
-            let fastest = field.fastest().iter().map(|v| v * v).sum::<f64>().sqrt();
+            let fastest = dot(field.fastest(), field.fastest()).sqrt();
             let steepest = fastest / field.steepest();
             // The spread by the flow relative to diffusion's, about as in a vessel of this radius.
             if (fastest * steepest / one.diffusion).powi(2) / 48.0 < SPREAD_IN_FLOW {
@@ -166,7 +166,7 @@ pub(in crate::scenario) fn drift_at_curved_wall(model: &Model, species: usize) -
     let one = &model.species[species];
     let vessel = model.boundary.vessel?;
     let across = vessel.across(drift(model, species));
-    let speed = across.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let speed = dot(across, across).sqrt();
     let side = ReceiverKind::Wall(WallFace::Side);
     let absorbs = model.receivers.iter().any(|receiver| receiver.kind == side && receiver.sees[species]);
     let longest = longest_at_mirror(one.diffusion, speed);
@@ -200,11 +200,11 @@ pub(in crate::scenario) fn drift_at_plane_wall(model: &Model, species: usize) ->
     })
 }
 
-/// Largest displacement in a step by drift without diffusion, in distances of walls. Particles end up to such a
-/// distance from the wall to which they drift.
+/// Largest displacement in a step by drift without diffusion, in distances of walls: particles end up to that far from
+/// the wall to which they drift.
 const DRIFT_TO_WALL: f64 = 0.02;
 
-/// Paths without diffusion are mirrored at walls, so that particles jump off the wall at which they should stay.
+/// Without diffusion, mirrored paths make particles jump off the wall at which they should stay.
 pub(in crate::scenario) fn drift_without_diffusion(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     if one.diffusion > 0.0 || one.has_velocity() {
@@ -241,7 +241,7 @@ pub(in crate::scenario) fn drift_without_diffusion(model: &Model, species: usize
     })
 }
 
-/// Returns the largest speed towards a mirroring wall across an axis, and the reason for mirroring.
+/// Returns the largest speed towards a mirroring wall across an axis, and the reason why it mirrors.
 fn speed_to_mirror(model: &Model, species: usize, axis: usize) -> Option<(f64, &'static str)> {
     let Axis::Reflecting { .. } = model.boundary.axes[axis] else { return None };
     let absorbs = |face: WallFace| {
@@ -263,7 +263,8 @@ fn longest_at_mirror(diffusion: f64, speed: f64) -> f64 {
     2.0 * diffusion * (DRIFT_AT_MIRROR / speed).powi(2)
 }
 
-fn drift(model: &Model, species: usize) -> [f64; 3] {
+/// Returns the velocity by drift and plug flow, in µm/s.
+pub(super) fn drift(model: &Model, species: usize) -> [f64; 3] {
     let plug = match model.flow {
         Some(Flow::Plug(velocity)) => velocity,
         _ => [0.0; 3],
