@@ -11,7 +11,7 @@
 //! use lazygrid::Algorithm;
 //! use lazygrid_sim::{Model, Shape, Simulation, Species, Transmitter};
 //!
-//! let species = Species { name: "acid".into(), diffusion: 100.0, mass: 1.0, ..Species::default() };
+//! let species = Species { name: "acid".into(), diffusion: 100.0, ..Species::default() };
 //! let burst = Transmitter {
 //!     name: "burst".into(),
 //!     center: [0.0; 3],

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{naive, numbered, table};
+use common::{naive, numbered, sorted_pairs, table};
 use lazygrid::Interaction::{self, Never, Touch, Within};
 use lazygrid::{Config, Space, Sphere};
 use lazygrid_ranks::in_process::InProcessRanks;
@@ -64,9 +64,7 @@ impl Scene {
             config = config.interactions(table.clone());
         }
         let ranks = self.ranks(&particles, SphereWrapper::new(space, table.as_ref()));
-        let found = ranks.pairs(&config).unwrap();
-        let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
-        pairs.sort_unstable();
+        let pairs = sorted_pairs(ranks.pairs(&config).unwrap());
         assert_eq!(pairs, naive(&particles, &space, table.as_ref()), "on {} ranks", self.ranks);
     }
 }

@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{Random, naive, numbered, table};
+use common::{Random, naive, numbered, sorted_pairs, table};
 use lazygrid::Interaction::{Never, Touch, Within};
 use lazygrid::{Config, Space, Sphere};
 use lazygrid_ranks::in_process::InProcessRanks;
@@ -33,9 +33,7 @@ fn gaussian(spheres: usize) -> Vec<Sphere> {
 fn found(in_process: &InProcessRanks, space: Space) -> (Vec<[u64; 2]>, LoadBalance) {
     let found = in_process.pairs(&Config::default().space(space).threads(1)).unwrap();
     let each: Vec<_> = found.iter().map(|rank| rank.pairs.len() as u64).collect();
-    let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
-    pairs.sort_unstable();
-    (pairs, LoadBalance::from_counts(&each))
+    (sorted_pairs(found), LoadBalance::from_counts(&each))
 }
 
 #[test]
@@ -149,9 +147,7 @@ fn ghosts_go_only_to_ranks_with_a_partner_species() {
         let expected = if second == 0 { near } else { 1 };
         assert_eq!(ranks.ghosts().total, expected, "the target is on rank {first}");
         let found = ranks.pairs(&Config::default().interactions(table.clone()).threads(1)).unwrap();
-        let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
-        pairs.sort_unstable();
-        assert_eq!(pairs, naive(&particles, &Space::UNBOUNDED, Some(&table)));
+        assert_eq!(sorted_pairs(found), naive(&particles, &Space::UNBOUNDED, Some(&table)));
         let all = InProcessRanks::with_owners(owned, SphereWrapper::default()).unwrap();
         assert!(all.ghosts().total >= 1000);
     }
@@ -180,8 +176,7 @@ fn ghosts_are_within_the_distance_of_their_species() {
             let ghosts = ranks.ghosts().total;
             assert!(ghosts <= 60 + most, "{ghosts} ghosts and {most} near the target at {target:?}");
             let found = ranks.pairs(&Config::default().space(space).interactions(table.clone()).threads(1));
-            let mut pairs: Vec<_> = found.unwrap().into_iter().flat_map(|rank| rank.pairs).collect();
-            pairs.sort_unstable();
+            let pairs = sorted_pairs(found.unwrap());
             assert!(pairs == naive(&particles, &space, Some(&table)), "the target is at {target:?}");
         }
     }

@@ -93,7 +93,7 @@ mod tests {
         };
         Model {
             time_step,
-            species: vec![Species { mass: 1.0, ..Species::default() }; 2],
+            species: vec![Species::default(); 2],
             decays: vec![decay(0, rates[0]), decay(1, rates[1])],
             ..Model::default()
         }

@@ -110,7 +110,7 @@ mod tests {
             Decay { reactant: 2, products: [Some(1), Some(0)], unbinding, rate: 3.0, ..Decay::default() };
         Model {
             time_step: 0.1,
-            species: vec![Species { mass: 1.0, ..Species::default() }; 4],
+            species: vec![Species::default(); 4],
             reactions: vec![reaction(2, 1.0, 4.0), reaction(3, 2.0, 1.0)],
             decays: vec![back],
             ..Model::default()

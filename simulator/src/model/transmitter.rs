@@ -253,7 +253,7 @@ mod tests {
             ..Transmitter::default()
         };
         let check = |transmitters| {
-            let species = vec![Species { mass: 1.0, ..Species::default() }];
+            let species = vec![Species::default()];
             Model { time_step: 0.1, species, transmitters, ..Model::default() }.check()
         };
         assert_eq!(transmitter(1, 1 << 20).repeated_entries(0.1), 0);

@@ -60,12 +60,11 @@ impl Model {
         let Some(vessel) = &self.boundary.vessel else { return Ok(()) };
         positive("the radius of the vessel", vessel.radius.into())?;
         let mut across = (0..3).filter(|&k| Some(k) != vessel.along).map(|k| self.boundary.axes[k]);
-        if vessel.along.is_some_and(|along| along > 2) || across.any(|axis| axis != Axis::Open) {
-            let message = "a cylinder must be along axis 0, 1 or 2, and the axes across a cylinder or sphere must be open; \
-                           remove their walls or periods";
-            return Err(Error::Model(message.to_owned()));
-        }
-        Ok(())
+        ensure(vessel.along.is_none_or(|along| along < 3) && across.all(|axis| axis == Axis::Open), || {
+            "a cylinder must be along axis 0, 1 or 2, and the axes across a cylinder or sphere must be open; remove their \
+             walls or periods"
+                .to_owned()
+        })
     }
 
     /// Checks that the model can be run.
@@ -82,11 +81,9 @@ impl Model {
             not_negative(&name("the thermal speed"), species.thermal_speed)?;
             not_negative(&name("the speed"), species.speed)?;
             not_negative(&name("the tumble rate"), species.tumble_rate)?;
-            if species.speed > 0.0 && species.thermal_speed > 0.0 {
-                return Err(Error::Model(
-                    name("the speed") + " and the thermal speed exclude each other; remove one",
-                ));
-            }
+            ensure(species.speed == 0.0 || species.thermal_speed == 0.0, || {
+                name("the speed") + " and the thermal speed exclude each other; remove one"
+            })?;
             positive(&name("the mass"), species.mass)?;
             finite(&name("the drift"), &species.drift)?;
             refuse(self.misfit(species))?;
@@ -179,20 +176,15 @@ impl Model {
 
     fn check_receiver(&self, receiver: &Receiver) -> Result<(), Error> {
         let name = |what: &str| format!("{what} of {}", receiver.name);
-        if receiver.sees.len() != self.species.len() {
-            let (known, says) = (self.species.len(), receiver.sees.len());
-            return Err(Error::Model(format!(
-                "{} has flags for {says} species of {known}; give one for each",
-                receiver.name
-            )));
-        }
+        let (known, says) = (self.species.len(), receiver.sees.len());
+        ensure(says == known, || {
+            format!("{} has flags for {says} species of {known}; give one for each", receiver.name)
+        })?;
         not_negative(&name("the diffusion coefficient"), receiver.diffusion)?;
         not_negative(&name("the surface diffusion"), receiver.surface_diffusion)?;
-        if receiver.surface_diffusion > 0.0 && receiver.receptor_types().is_empty() {
-            return Err(Error::Model(
-                name("the surface diffusion") + " moves bound particles; give it receptors, or set 0",
-            ));
-        }
+        ensure(receiver.surface_diffusion == 0.0 || !receiver.receptor_types().is_empty(), || {
+            name("the surface diffusion") + " moves bound particles; give it receptors, or set 0"
+        })?;
         finite(&name("the velocity"), &receiver.velocity)?;
         finite(&name("the center"), &receiver.center.map(f64::from))?;
         not_negative(&name("the radius"), receiver.radius.into())?;
@@ -219,16 +211,14 @@ impl Model {
                 not_negative(&format!("the binding rate of {name}"), ligand.binding_rate)?;
                 not_negative(&format!("the unbinding rate of {name}"), ligand.unbinding_rate)?;
                 let species = &self.species[ligand.species as usize].name;
-                if !receiver.sees[ligand.species as usize] {
-                    return Err(Error::Model(format!(
+                ensure(receiver.sees[ligand.species as usize], || {
+                    format!(
                         "receptors of {name} bind {species}, which {name} does not see; let it see {species}"
-                    )));
-                }
-                if kind.ligands[..k].iter().any(|other| other.species == ligand.species) {
-                    return Err(Error::Model(format!(
-                        "receptors of {name} have two rates for {species}; give them one"
-                    )));
-                }
+                    )
+                })?;
+                ensure(kind.ligands[..k].iter().all(|other| other.species != ligand.species), || {
+                    format!("receptors of {name} have two rates for {species}; give them one")
+                })?;
             }
         }
         Ok(())
@@ -244,10 +234,8 @@ impl Model {
         }
         let named = reaction.reactants.into_iter().chain(reaction.products.into_iter().flatten());
         self.check_species(&reaction.name, named)?;
-        if reaction.reactants.map(Some) == reaction.products {
-            return Err(Error::Model(format!("{} changes nothing; remove it", reaction.name)));
-        }
-        Ok(())
+        let changes = reaction.reactants.map(Some) != reaction.products;
+        ensure(changes, || format!("{} changes nothing; remove it", reaction.name))
     }
 
     fn check_decay(&self, decay: &Decay) -> Result<(), Error> {
@@ -255,10 +243,9 @@ impl Model {
         not_negative(&name("the rate"), decay.rate)?;
         let (Unbinding::Apart(radius) | Unbinding::Within(radius)) = decay.unbinding;
         not_negative(&name("the unbinding radius"), radius.into())?;
-        if decay.products[0].is_none() && decay.splits() {
-            let second = name("the second product");
-            return Err(Error::Model(second + " comes without a first; make it the first"));
-        }
+        ensure(decay.products[0].is_some() || !decay.splits(), || {
+            name("the second product") + " comes without a first; make it the first"
+        })?;
         self.check_species(&decay.name, [Some(decay.reactant)].into_iter().chain(decay.products).flatten())
     }
 
@@ -295,52 +282,46 @@ impl Model {
 
     fn check_transmitter(&self, transmitter: &Transmitter) -> Result<(), Error> {
         let name = &transmitter.name;
-        let refused = |message: String| Err(Error::Model(message));
         self.check_species(name, transmitter.release.iter().map(|&(species, _)| species))?;
-        if let Some(carrier) = transmitter.carrier.filter(|&carrier| carrier as usize >= self.receivers.len())
-        {
-            let count = self.receivers.len();
-            return refused(format!("{name} moves with receiver {carrier} but there are {count} receivers"));
-        }
-        if matches!(transmitter.shape, Shape::Lattice(_, sites) if sites.contains(&0)) {
-            return refused(format!("the lattice of {name} has no places along an axis"));
-        }
+        let count = self.receivers.len();
+        let unknown = transmitter.carrier.filter(|&carrier| carrier as usize >= count);
+        refuse(
+            unknown.map(|carrier| {
+                format!("{name} moves with receiver {carrier} but there are {count} receivers")
+            }),
+        )?;
+        let is_empty = matches!(transmitter.shape, Shape::Lattice(_, sites) if sites.contains(&0));
+        ensure(!is_empty, || format!("the lattice of {name} has no places along an axis"))?;
         match &transmitter.schedule {
             Schedule::Times(times) => {
-                if !times.is_sorted() || times.iter().any(|time| !(time.is_finite() && *time >= 0.0)) {
-                    return refused(format!(
-                        "the times of {name} must be in ascending order and not negative; sort them"
-                    ));
-                }
+                let are_times = times.iter().all(|time| time.is_finite() && *time >= 0.0);
+                ensure(are_times && times.is_sorted(), || {
+                    format!("the times of {name} must be in ascending order and not negative; sort them")
+                })
             }
             Schedule::Message(message) => {
                 positive(&format!("the symbol time of {name}"), message.symbol_time)?;
                 not_negative(&format!("the start of {name}"), message.start)?;
-                if let Some(message) = message.faulty_symbol_time(name, self.time_step) {
-                    return refused(message);
-                }
+                refuse(message.faulty_symbol_time(name, self.time_step))?;
                 let alphabet = message.modulation.alphabet(transmitter.release.len());
                 let known = match &message.symbols {
                     Symbols::Given(symbols) => symbols.iter().all(|&symbol| (symbol as usize) < alphabet),
                     Symbols::Random { alphabet: m, .. } => *m as usize <= alphabet && m.is_power_of_two(),
                 };
-                if !known {
-                    return refused(format!(
-                        "{name} sends symbols that its modulation does not have; use fewer symbols"
-                    ));
-                }
+                ensure(known, || {
+                    format!("{name} sends symbols that its modulation does not have; use fewer symbols")
+                })
             }
             Schedule::Steady { from, until, rates } => {
                 self.check_species(name, rates.iter().map(|&(species, _)| species))?;
                 rates.iter().try_for_each(|&(_, rate)| positive(&format!("a rate of {name}"), rate))?;
-                if !(*from >= 0.0 && from < until) {
-                    return refused(format!(
+                ensure(*from >= 0.0 && from < until, || {
+                    format!(
                         "{name} releases from {from} s until {until} s; the end must be later than the beginning"
-                    ));
-                }
+                    )
+                })
             }
         }
-        Ok(())
     }
 
     /// Refuses many bursts in one step: each costs memory even without particles.
@@ -348,23 +329,21 @@ impl Model {
         let mut entries: u64 = 0;
         for transmitter in &self.transmitters {
             entries = entries.saturating_add(transmitter.repeated_entries(self.time_step));
-            if entries > MAX_REPEATED_ENTRIES {
-                return Err(Error::Model(format!(
+            ensure(entries <= MAX_REPEATED_ENTRIES, || {
+                format!(
                     "{} has bursts at several times within a step: after the first one they have {entries} entries of 'release', \
                      with those of earlier transmitters, and may have {MAX_REPEATED_ENTRIES}; give fewer times per step",
                     transmitter.name
-                )));
-            }
+                )
+            })?;
         }
         Ok(())
     }
 
     fn check_species(&self, owner: &str, species: impl IntoIterator<Item = u32>) -> Result<(), Error> {
         let count = self.species.len();
-        match species.into_iter().find(|&s| s as usize >= count) {
-            None => Ok(()),
-            Some(s) => Err(Error::Model(format!("{owner} names species {s} but there are {count}"))),
-        }
+        let unknown = species.into_iter().find(|&s| s as usize >= count);
+        refuse(unknown.map(|s| format!("{owner} names species {s} but there are {count}")))
     }
 }
 
@@ -372,30 +351,25 @@ fn refuse(fault: Option<String>) -> Result<(), Error> {
     fault.map_or(Ok(()), |message| Err(Error::Model(message)))
 }
 
+fn ensure(holds: bool, message: impl FnOnce() -> String) -> Result<(), Error> {
+    refuse((!holds).then(message))
+}
+
 fn finite(what: &str, values: &[f64; 3]) -> Result<(), Error> {
-    let fault =
-        (!values.iter().all(|v| v.is_finite())).then(|| format!("{what} is {values:?}; it must be finite"));
-    refuse(fault)
+    ensure(values.iter().all(|v| v.is_finite()), || format!("{what} is {values:?}; it must be finite"))
 }
 
 fn positive(what: &str, value: f64) -> Result<(), Error> {
-    match value.is_finite() && value > 0.0 {
-        true => Ok(()),
-        false => Err(Error::Model(format!("{what} is {value}; it must be positive and finite"))),
-    }
+    ensure(value.is_finite() && value > 0.0, || format!("{what} is {value}; it must be positive and finite"))
 }
 
 fn is_probability(what: &str, value: f64) -> Result<(), Error> {
     not_negative(what, value)?;
-    match value <= 1.0 {
-        true => Ok(()),
-        false => Err(Error::Model(format!("{what} is above 1"))),
-    }
+    ensure(value <= 1.0, || format!("{what} is {value}; it must be at most 1"))
 }
 
 fn not_negative(what: &str, value: f64) -> Result<(), Error> {
-    match value.is_finite() && value >= 0.0 {
-        true => Ok(()),
-        false => Err(Error::Model(format!("{what} is {value}; it must be finite and not negative"))),
-    }
+    ensure(value.is_finite() && value >= 0.0, || {
+        format!("{what} is {value}; it must be finite and not negative")
+    })
 }

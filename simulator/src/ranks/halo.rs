@@ -86,7 +86,7 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
     type Error = C::Error;
 
     fn agree<T>(&self, result: Result<T, Error>) -> Result<T, C::Error> {
-        self.communicator.agree(result.map_err(|error| self.communicator.failure(error.to_string())))
+        super::agree(self.communicator, result)
     }
 
     fn gather<T: Pod>(&mut self, value: T) -> Vec<T> {

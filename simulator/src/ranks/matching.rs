@@ -14,6 +14,7 @@ use bytemuck::{Pod, Zeroable};
 use lazygrid_ranks::{Communicator, Ghosts, send_to_ranks};
 use rayon::prelude::*;
 
+use super::agree;
 use crate::Error;
 use crate::reaction::candidates::BestCandidates;
 use crate::reaction::matching::{Key, ReactionCandidate};
@@ -83,7 +84,7 @@ impl DistributedMatching {
         loop {
             let mut best = BestCandidates::new(count);
             let sampled = sample(&self.taken, &mut best);
-            communicator.agree(sampled.map_err(|error| communicator.failure(error.to_string())))?;
+            agree(communicator, sampled)?;
             let is_last = communicator.all_reduce_sum(&[best.bound.is_some().into()])[0] == 0;
             if !is_last {
                 // All ranks choose among the same keys.

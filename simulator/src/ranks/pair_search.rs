@@ -6,6 +6,7 @@ use lazygrid_ranks::{
     Communicator, Ghosts, PairKind, Partitioner, RankBounds, Search, SphereWrapper, send_to_ranks,
 };
 
+use super::agree;
 use super::contacts::{SharedParticles, separate};
 use super::matching::DistributedMatching;
 use super::rows;
@@ -83,15 +84,13 @@ impl RankPairSearch {
         let own_count = run.state.particles.len();
         let separates = run.contacts.separate();
         if run.reactions.is_empty() && !separates {
-            let counted = self.count(run, &ghosts);
-            communicator.agree(counted.map_err(|error| communicator.failure(error.to_string())))?;
-            return Ok(Vec::new());
+            return agree(communicator, self.count(run, &ghosts)).map(|()| Vec::new());
         }
         for ghost in ghosts.particles() {
             run.state.particles.push(rows::from_ghost(ghost), run.model.has_velocity());
         }
         let pairs = if separates { self.list(run, &ghosts).map(Some) } else { Ok(None) };
-        let pairs = communicator.agree(pairs.map_err(|error| communicator.failure(error.to_string())))?;
+        let pairs = agree(communicator, pairs)?;
         let Self { search, matching, .. } = self;
         let sample = |taken: &[bool], best: &mut BestCandidates| match &pairs {
             Some(pairs) => sample(run, pairs, taken, best),
@@ -223,7 +222,7 @@ mod tests {
 
     /// Returns the ghosts on all ranks of 4000 particles that react within `distances`.
     fn ghosts(distances: [f32; 2]) -> usize {
-        let species = |name: &str| Species { name: name.into(), mass: 1.0, ..Species::default() };
+        let species = |name: &str| Species { name: name.into(), ..Species::default() };
         let reaction = |(other, binding_radius)| Reaction {
             reactants: [0, other],
             binding_radius,

@@ -156,7 +156,7 @@ mod tests {
             Receiver { radius: 1.0, kind: ReceiverKind::Reflecting, sees: vec![true], ..Receiver::default() };
         Model {
             time_step: 0.01,
-            species: vec![Species { diffusion: 1.0, mass: 1.0, ..Species::default() }],
+            species: vec![Species { diffusion: 1.0, ..Species::default() }],
             transmitters: vec![Transmitter {
                 center: [2.0; 3],
                 release: vec![(0, 100)],

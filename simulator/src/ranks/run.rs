@@ -3,7 +3,8 @@ use std::ops::ControlFlow;
 use lazygrid::Config;
 use lazygrid_ranks::{Communicator, Settings, gather};
 
-use super::{GatherFields, RankSimulation};
+use super::{GatherFields, RankSimulation, agree};
+use crate::RunView;
 use crate::output::{Files, Lock, WrittenRun, occupancy};
 use crate::release::rank_slice::RankSlice;
 use crate::run::checkpoint::Checkpoint;
@@ -11,7 +12,6 @@ use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::run::{ReplicaSlot, Run, RunEnd};
 use crate::scenario::Scenario;
-use crate::{Error, RunView};
 
 impl Run {
     /// Does all steps like [`run`](Self::run), together with all ranks. All must see the directory: the first writes
@@ -31,7 +31,7 @@ impl Run {
     ) -> Result<(RunEnd, RankSimulation<C>), C::Error> {
         self.shared().agree(&mut communicator)?;
         let detector = detector.algorithm(self.algorithm);
-        communicator.agree(self.check_formats().map_err(|error| communicator.failure(error.to_string())))?;
+        agree(&communicator, self.check_formats())?;
         let is_first = communicator.rank() == 0;
         if is_first {
             self.scenario.run_warnings().iter().for_each(|message| log::warn!("{message}"));
@@ -100,8 +100,7 @@ impl Run {
         let Scenario { model, seed, .. } = &self.scenario;
         let is_first = communicator.rank() == 0;
         let sharing = Sharing::over_ranks(&communicator);
-        let fits = check_largest_release(model, self.scenario.steps, sharing);
-        communicator.agree(fits.map_err(|error| communicator.failure(error.to_string())))?;
+        agree(&communicator, check_largest_release(model, self.scenario.steps, sharing))?;
         let mut simulation = RankSimulation::new(communicator, model.clone(), *seed, detector)?;
         let standing = simulation.gather(GatherFields::default())?;
         let files = is_first.then(|| self.create_files(&standing, ReplicaSlot::NONE)).transpose();
@@ -120,16 +119,14 @@ impl Run {
         let path = self.checkpoint_path();
         let slice = RankSlice::new(communicator.rank(), communicator.ranks());
         let is_first = communicator.rank() == 0;
-        let lock = is_first.then(|| self.lock()).transpose();
-        let lock = communicator.agree(lock.map_err(|error| communicator.failure(error.to_string())))?;
+        let lock = agree(&communicator, is_first.then(|| self.lock()).transpose())?;
         let read = || {
             let checkpoint = Checkpoint::read(&path)?;
             self.check_continues(&path, &checkpoint)?;
             let (records, backend) = (checkpoint.files.clone(), checkpoint.backend.clone());
             Ok((records, backend, checkpoint.into_slice(&path, slice)?))
         };
-        let read = read().map_err(|error: Error| communicator.failure(error.to_string()));
-        let (records, backend, state) = communicator.agree(read)?;
+        let (records, backend, state) = agree(&communicator, read())?;
         let mut simulation =
             RankSimulation::resume(communicator, scenario.model.clone(), scenario.seed, detector, state)?;
         if is_first && backend != simulation.backend().name() {

@@ -191,13 +191,8 @@ mod tests {
     use crate::{Shape, Species, Transmitter};
 
     fn simulation() -> Simulation {
-        let species = |name: &str, radius| Species {
-            name: name.into(),
-            diffusion: 10.0,
-            mass: 1.0,
-            radius,
-            ..Species::default()
-        };
+        let species =
+            |name: &str, radius| Species { name: name.into(), diffusion: 10.0, radius, ..Species::default() };
         let ball = Transmitter {
             name: "ball".into(),
             shape: Shape::Shell(0.0, 2.0),

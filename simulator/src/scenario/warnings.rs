@@ -248,7 +248,7 @@ mod tests {
     use crate::model::Contact;
 
     fn species(radius: f32, diffusion: f64, thermal_speed: f64) -> Species {
-        Species { name: "A".into(), radius, diffusion, mass: 1.0, thermal_speed, ..Species::default() }
+        Species { name: "A".into(), radius, diffusion, thermal_speed, ..Species::default() }
     }
 
     fn suggested(text: &str) -> f64 {

@@ -41,9 +41,9 @@ fn spheres(n: u32) -> Vec<Sphere> {
     (0..n).map(sphere).collect()
 }
 
-fn pairs(spheres: &[Sphere], space: Space) -> Vec<[u32; 2]> {
+fn pairs<'a>(spheres: impl Into<Spheres<'a>>, space: Space) -> Vec<[u32; 2]> {
     let mut detector = Detector::new(lazygrid::Config::default().backend(Backend::Cpu).space(space)).unwrap();
-    detector.pairs(Spheres::from(spheres)).unwrap().iter().map(|pair| [pair.i, pair.j]).collect()
+    detector.pairs(spheres.into()).unwrap().iter().map(|pair| [pair.i, pair.j]).collect()
 }
 
 fn npy(spheres: &[Sphere]) -> Vec<u8> {

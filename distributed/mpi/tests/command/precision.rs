@@ -1,10 +1,10 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use lazygrid::{Backend, Config, Detector, Space, Sphere, Spheres};
+use lazygrid::{Space, Sphere};
 use serde_json::{Value, json};
 
-use crate::{csv, error, npy, run, stdout};
+use crate::{csv, error, npy, pairs, run, stdout};
 
 type Rows = Vec<[f64; 4]>;
 
@@ -29,11 +29,6 @@ fn tangent(space: &Space) -> Rows {
 
 fn in_f32(rows: &[[f64; 4]]) -> Vec<Sphere> {
     rows.iter().map(|row| Sphere::from(row.map(|x| x as f32))).collect()
-}
-
-fn pairs<'a>(spheres: impl Into<Spheres<'a>>, space: Space) -> Vec<[u32; 2]> {
-    let mut detector = Detector::new(Config::default().backend(Backend::Cpu).space(space)).unwrap();
-    detector.pairs(spheres.into()).unwrap().iter().map(|pair| [pair.i, pair.j]).collect()
 }
 
 fn lines(rows: &[[f64; 4]], separator: &str) -> String {

@@ -5,7 +5,7 @@ use lazygrid_mpi::{Delivery, Distributed, LocalSpheres, OwnedSpheres, Ownership}
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
-use crate::scenes::{Scene, config, expected, gathered, id, local, sum};
+use crate::scenes::{Scene, config, expected, gathered, ids, local, sum};
 
 #[derive(Clone, Copy, Debug)]
 enum Placement {
@@ -70,13 +70,7 @@ pub(crate) fn interactions(world: &SimpleCommunicator) {
     let all = Scene::FiveSizes.all(n);
     let species: Vec<u32> = (0..n as u32).map(|k| k % 3).collect();
     let with = lazygrid::Spheres::from(&all).with_species(&species).unwrap();
-    let mut expected: Vec<[u64; 2]> = one
-        .pairs(with)
-        .unwrap()
-        .iter()
-        .map(|pair| [id(pair.i.into()), id(pair.j.into())])
-        .map(|[a, b]| [a.min(b), a.max(b)])
-        .collect();
+    let mut expected: Vec<_> = one.pairs(with).unwrap().iter().map(ids).collect();
     expected.sort_unstable();
     assert!(expected.len() > 100);
 

@@ -1,11 +1,11 @@
 use std::ops::ControlFlow;
 
-use lazygrid::{Detector, Space, Sphere, Spheres};
+use lazygrid::{Space, Sphere};
 use lazygrid_mpi::{Config, Distributed, Error, LocalSpheres, OwnedSpheres, Ownership};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
-use crate::scenes::{config, gathered, id, local, random};
+use crate::scenes::{config, expected, gathered, id, local, random};
 
 const COUNT: u64 = 600;
 
@@ -23,16 +23,6 @@ fn row(k: u64, offset: f64) -> [f64; 4] {
     let ulps = [0, 1, 2, -1, -2][(k / 2 % 5) as usize];
     let radius = if rest > 0.0 { f64::from_bits(rest.to_bits().saturating_add_signed(ulps)) } else { 0.0 };
     [other[0], other[1], other[2], radius]
-}
-
-fn expected<'a>(spheres: impl Into<Spheres<'a>>, space: Space) -> Vec<[u64; 2]> {
-    let config = lazygrid::Config::default().backend(lazygrid::Backend::Cpu).space(space).threads(1);
-    let mut detector = Detector::new(config).unwrap();
-    let found = detector.pairs(spheres.into()).unwrap();
-    let ids = found.iter().map(|pair| [id(pair.i.into()), id(pair.j.into())]);
-    let mut pairs: Vec<_> = ids.map(|[a, b]| [a.min(b), a.max(b)]).collect();
-    pairs.sort_unstable();
-    pairs
 }
 
 fn owned(world: &SimpleCommunicator, rows: &[[f64; 4]]) -> OwnedSpheres {

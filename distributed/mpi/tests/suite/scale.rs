@@ -3,7 +3,7 @@ use lazygrid_mpi::{Distributed, GlobalPair, OwnedSpheres, Ownership};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
-use crate::scenes::{Scene, config, digest, id, local, random, sum};
+use crate::scenes::{Scene, config, digest, ids, local, random, sum};
 
 const MILLION: u64 = 1_000_000;
 
@@ -70,10 +70,6 @@ fn whole(world: &SimpleCommunicator, scene: Scene) -> (u64, u64) {
         let mut detector = Detector::new(config).unwrap();
         let all = scene.all(MILLION);
         let pairs = detector.pairs(Spheres::from(&all)).unwrap();
-        let ids = |pair: &lazygrid::Pair| {
-            let (a, b) = (id(pair.i.into()), id(pair.j.into()));
-            [a.min(b), a.max(b)]
-        };
         (count, hash) = (pairs.len() as u64, digest(pairs.iter().map(ids)));
     }
     (sum(world, count), sum_wrapping(world, hash))

@@ -72,15 +72,15 @@ pub(crate) fn local(particles: &OwnedSpheres) -> LocalSpheres<'_> {
     particles.local().unwrap()
 }
 
-pub(crate) fn expected(spheres: &[Sphere], space: Space) -> Vec<[u64; 2]> {
+pub(crate) fn ids(pair: &lazygrid::Pair) -> [u64; 2] {
+    let (a, b) = (id(pair.i.into()), id(pair.j.into()));
+    [a.min(b), a.max(b)]
+}
+
+pub(crate) fn expected<'a>(spheres: impl Into<Spheres<'a>>, space: Space) -> Vec<[u64; 2]> {
     let config = lazygrid::Config::default().backend(Backend::Cpu).space(space).threads(1);
     let mut detector = Detector::new(config).unwrap();
-    let found = detector.pairs(Spheres::from(spheres)).unwrap();
-    let ids = |pair: &lazygrid::Pair| {
-        let (a, b) = (id(pair.i.into()), id(pair.j.into()));
-        [a.min(b), a.max(b)]
-    };
-    let mut pairs: Vec<_> = found.iter().map(ids).collect();
+    let mut pairs: Vec<_> = detector.pairs(spheres.into()).unwrap().iter().map(ids).collect();
     pairs.sort_unstable();
     pairs
 }

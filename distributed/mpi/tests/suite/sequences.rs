@@ -6,7 +6,7 @@ use lazygrid_mpi::{Config, Distributed, Error, LocalSpheres, OwnedSpheres, Owner
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
-use crate::scenes::{config, gathered, id, random, sum};
+use crate::scenes::{config, gathered, id, ids, random, sum};
 
 const SIDE: f32 = 12.0;
 
@@ -95,10 +95,6 @@ impl World {
         let mut naive = Detector::new(naive.space(space).interactions(table.cloned())).unwrap();
         let spheres = Spheres::from(&self.spheres);
         let spheres = if table.is_some() { spheres.with_species(&self.species).unwrap() } else { spheres };
-        let ids = |pair: &lazygrid::Pair| {
-            let (a, b) = (id(pair.i.into()), id(pair.j.into()));
-            [a.min(b), a.max(b)]
-        };
         let mut pairs: Vec<_> = naive.pairs(spheres).unwrap().iter().map(ids).collect();
         pairs.sort_unstable();
         pairs

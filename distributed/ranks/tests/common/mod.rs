@@ -2,6 +2,7 @@
 
 use lazygrid::{Interaction, Interactions, Space, Sphere};
 use lazygrid_ranks::Particle;
+use lazygrid_ranks::in_process::RankPairs;
 
 pub(crate) fn naive(particles: &[Particle], space: &Space, table: Option<&Interactions>) -> Vec<[u64; 2]> {
     let mut pairs = Vec::new();
@@ -17,6 +18,12 @@ pub(crate) fn naive(particles: &[Particle], space: &Space, table: Option<&Intera
             }
         }
     }
+    pairs.sort_unstable();
+    pairs
+}
+
+pub(crate) fn sorted_pairs(of_ranks: Vec<RankPairs>) -> Vec<[u64; 2]> {
+    let mut pairs: Vec<_> = of_ranks.into_iter().flat_map(|rank| rank.pairs).collect();
     pairs.sort_unstable();
     pairs
 }

@@ -72,8 +72,7 @@ fn checksums_differ_by_velocity_and_shape() {
 }
 
 fn model(flow: Flow) -> Model {
-    let species =
-        |name: &str, diffusion| Species { name: name.into(), diffusion, mass: 1.0, ..Species::default() };
+    let species = |name: &str, diffusion| Species { name: name.into(), diffusion, ..Species::default() };
     let receiver = |x, kind| Receiver {
         name: "rx".into(),
         center: [x, 0.0, 0.0],

@@ -6,6 +6,29 @@ use toml::Spanned;
 use crate::model::Model;
 use crate::scenario::{Problem, warnings};
 
+pub(super) fn span_of<T>(value: &Option<Spanned<T>>) -> Option<Range<usize>> {
+    value.as_ref().map(Spanned::span)
+}
+
+/// Refuses the first of the keys that is given.
+pub(super) fn refuse_keys<const N: usize>(
+    keys: [(&str, Option<Range<usize>>); N],
+    message: impl Fn(&str) -> String,
+) -> Result<(), Problem> {
+    match keys.into_iter().find_map(|(key, span)| Some((key, span?))) {
+        Some((key, span)) => Err(Problem::at(span, message(key))),
+        None => Ok(()),
+    }
+}
+
+pub(super) fn warn(
+    warnings: &mut Vec<Problem>,
+    span: Range<usize>,
+    messages: impl IntoIterator<Item = String>,
+) {
+    warnings.extend(messages.into_iter().map(|message| Problem::at(span.clone(), message)));
+}
+
 /// Returns the spans of all receivers, in `receiver` tables and transmitters with a body.
 pub(super) fn receiver_spans(file: &File, has_body: impl Iterator<Item = bool>) -> Vec<Range<usize>> {
     let site_count = |one: &lazygrid_scenario::Receiver| {
@@ -30,9 +53,7 @@ pub(super) fn check_receivers(
     if let Some((k, message)) = model.faulty_absorber() {
         return Err(Problem::at(at(k), message));
     }
-    let overlap = warnings::overlapping_absorbers(model);
-    warnings.extend(overlap.map(|(k, message)| Problem::at(at(k), message)));
-    let rounded = warnings::rounded_receiver_steps(model);
-    warnings.extend(rounded.map(|(k, message)| Problem::at(at(k), message)));
+    let found = [warnings::overlapping_absorbers(model), warnings::rounded_receiver_steps(model)];
+    warnings.extend(found.into_iter().flatten().map(|(k, message)| Problem::at(at(k), message)));
     Ok(())
 }

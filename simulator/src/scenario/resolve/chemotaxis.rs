@@ -1,5 +1,6 @@
 use lazygrid_scenario::{self as file, Finite};
 
+use super::checks::{span_of, warn};
 use crate::model::Model;
 use crate::model::chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
 use crate::scenario::{Problem, warnings};
@@ -32,9 +33,8 @@ pub(super) fn resolve(
     }
     for (index, one) in species.iter().enumerate() {
         let Some(taxis) = &one.chemotaxis else {
-            let message = warnings::frequent_tumbles(model, index);
-            let span = one.tumble_rate.as_ref().map(toml::Spanned::span).unwrap_or_default();
-            warnings.extend(message.map(|message| Problem::at(span, message)));
+            let span = span_of(&one.tumble_rate).unwrap_or_default();
+            warn(warnings, span, warnings::frequent_tumbles(model, index));
             continue;
         };
         let span = taxis.attractant.span();
@@ -51,8 +51,7 @@ pub(super) fn resolve(
         if let Some(message) = model.faulty_chemotaxis(index) {
             return Err(Problem::at(span, message));
         }
-        let message = warnings::frequent_tumbles(model, index);
-        warnings.extend(message.map(|message| Problem::at(span, message)));
+        warn(warnings, span, warnings::frequent_tumbles(model, index));
     }
     Ok(())
 }

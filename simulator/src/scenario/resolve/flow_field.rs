@@ -3,21 +3,17 @@ use std::sync::Arc;
 
 use lazygrid_io::read::ArrayFile;
 use lazygrid_scenario::{self as file, Finite, Positive};
-use toml::Spanned;
 
+use super::checks::{refuse_keys, span_of};
 use crate::Error;
 use crate::memory::check_available;
 use crate::model::flow_field::FlowField;
 use crate::scenario::Problem;
 
 pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>, Problem> {
-    let speed = flow.speed.as_ref().map(Spanned::span);
-    if let Some(span) = flow.velocity.as_ref().map(Spanned::span).or(speed) {
-        return Err(Problem::at(
-            span,
-            "the velocities of a field are in its file; remove this key".to_owned(),
-        ));
-    }
+    refuse_keys([("velocity", span_of(&flow.velocity)), ("speed", span_of(&flow.speed))], |_| {
+        "the velocities of a field are in its file; remove this key".to_owned()
+    })?;
     let (Some(file), Some(spacing)) = (&flow.file, &flow.spacing) else {
         let message = "a field needs a file, and the spacing of its points along each axis";
         return Err(Problem::at(flow.profile.span(), message.to_owned()));
@@ -47,14 +43,11 @@ fn check_memory(points: [u64; 3]) -> Result<(), Error> {
 
 pub(super) fn check_unused(flow: &file::Flow) -> Result<(), Problem> {
     let keys = [
-        ("file", flow.file.as_ref().map(Spanned::span)),
-        ("origin", flow.origin.as_ref().map(Spanned::span)),
-        ("spacing", flow.spacing.as_ref().map(Spanned::span)),
+        ("file", span_of(&flow.file)),
+        ("origin", span_of(&flow.origin)),
+        ("spacing", span_of(&flow.spacing)),
     ];
-    match keys.into_iter().find_map(|(key, span)| Some((key, span?))) {
-        Some((key, span)) => Err(Problem::at(span, format!("{key} goes with profile = \"field\""))),
-        None => Ok(()),
-    }
+    refuse_keys(keys, |key| format!("{key} goes with profile = \"field\""))
 }
 
 #[cfg(test)]

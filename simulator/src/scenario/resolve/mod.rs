@@ -17,6 +17,7 @@ use lazygrid_io::excerpt;
 use lazygrid_scenario::{self as file, File, Finite};
 use toml::Spanned;
 
+use self::checks::{span_of, warn};
 use super::{Output, Problem, warnings};
 use crate::model::decay_chain::faulty_chain;
 use crate::model::membrane::{Membrane, MembraneSurface};
@@ -57,8 +58,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<ResolvedScenario, 
     model.flow = space::flow(file.flow.as_ref(), &model.boundary, directory)?;
     model.flow_pulse = file.flow.as_ref().map(space::flow_pulse).transpose()?.flatten();
     if let Some(flow) = &file.flow {
-        let messages = warnings::unresolved_flow(&model);
-        warnings.extend(messages.into_iter().map(|message| Problem::at(flow.profile.span(), message)));
+        warn(&mut warnings, flow.profile.span(), warnings::unresolved_flow(&model));
     }
     for one in &file.species {
         let species = species(one, &model)?;
@@ -84,8 +84,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<ResolvedScenario, 
     }
     let receiver_spans = checks::receiver_spans(&file, has_body.into_iter());
     let spans: Vec<_> = file.transmitters.iter().map(|one| one.name.span()).collect();
-    let symbol_times: Vec<_> =
-        file.transmitters.iter().map(|one| one.symbol_time.as_ref().map(Spanned::span)).collect();
+    let symbol_times: Vec<_> = file.transmitters.iter().map(|one| span_of(&one.symbol_time)).collect();
     let mut transmitters =
         transmitters::transmitters(file.transmitters, &names, &model.boundary, &mut warnings)?;
     for (transmitter, span) in transmitters.iter().zip(symbol_times) {
@@ -108,11 +107,10 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<ResolvedScenario, 
     }
     let of_decays = warnings::fast_decays(&model).into_iter().zip(warnings::rounded_decays(&model));
     for ((fast, rounded), from) in of_decays.zip(&file.decays) {
-        let messages = [fast, rounded].into_iter().flatten();
-        warnings.extend(messages.map(|message| Problem::at(from.rate.span(), message)));
+        warn(&mut warnings, from.rate.span(), [fast, rounded].into_iter().flatten());
     }
     for (rounded, from) in warnings::rounded_reactions(&model).into_iter().zip(&file.reactions) {
-        warnings.extend(rounded.map(|message| Problem::at(from.equation.span(), message)));
+        warn(&mut warnings, from.equation.span(), rounded);
     }
     for (membrane, from) in model.membranes.iter().zip(&file.membranes) {
         let messages = [
@@ -120,7 +118,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<ResolvedScenario, 
             warnings::long_step_between_membranes(membrane, &model),
             warnings::long_receiver_step_through(membrane, &model),
         ];
-        warnings.extend(messages.into_iter().flatten().map(|message| Problem::at(from.name.span(), message)));
+        warn(&mut warnings, from.name.span(), messages.into_iter().flatten());
     }
     for (index, from) in file.species.iter().enumerate() {
         let messages = [
@@ -134,15 +132,13 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<ResolvedScenario, 
             warnings::long_step_between_walls(&model, index),
             warnings::rounded_tumbles(&model, index),
         ];
-        let messages = messages.into_iter().flatten();
-        warnings.extend(messages.map(|message| Problem::at(from.name.span(), message)));
+        warn(&mut warnings, from.name.span(), messages.into_iter().flatten());
     }
     if let (Some(dimensions), Some(message)) = (&file.dimensions, model.beyond_dimensions()) {
         return Err(Problem::at(dimensions.span(), message));
     }
     if let Some(contact) = &file.contact {
-        let message = warnings::many_collisions(&model, file.steps);
-        warnings.extend(message.map(|message| Problem::at(contact.span(), message)));
+        warn(&mut warnings, contact.span(), warnings::many_collisions(&model, file.steps));
     }
     let of_sources = file.sources.iter().map(|source| source.equation.span());
     for (transmitter, span) in model.transmitters.iter().zip(spans.into_iter().chain(of_sources)) {
@@ -150,7 +146,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<ResolvedScenario, 
             warnings::released_inside(transmitter, &model.receivers, &model.boundary),
             warnings::misplaced_shape(transmitter, &model.boundary),
         ];
-        warnings.extend(messages.into_iter().flatten().map(|message| Problem::at(span.clone(), message)));
+        warn(&mut warnings, span, messages.into_iter().flatten());
     }
     warnings.extend(idle::keys(&file.species, &file.attractants, &file.output, &model));
     let every = file.output.every.map_or(1, Into::into);

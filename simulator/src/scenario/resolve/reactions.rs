@@ -2,6 +2,7 @@ use lazygrid_io::excerpt;
 use lazygrid_scenario::{self as file, Positive};
 use toml::Spanned;
 
+use super::checks::span_of;
 use super::network_index::NetworkIndex;
 use super::schedule::single_radius;
 use super::{Names, equation_name, number_equal_names};
@@ -171,8 +172,7 @@ impl Network<'_> {
                 return draft.refuse(format!("'{name}' needs a rate, or a binding-radius, or rate-inside"));
             }
         };
-        let span = rate.as_ref().map(Spanned::span);
-        let span = span.or_else(|| binding_radius.as_ref().map(Spanned::span));
+        let span = span_of(rate).or_else(|| span_of(binding_radius));
         let binding_radius = single_radius(radius, span.unwrap_or_else(|| draft.file.equation.span()))?;
         Ok(Reaction { binding_radius, chance, ..draft.bare.clone() })
     }

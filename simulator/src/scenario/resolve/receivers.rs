@@ -1,9 +1,9 @@
 use std::collections::HashSet;
 
 use lazygrid_scenario::{self as file, Finite};
-use toml::Spanned;
 
 use super::Names;
+use super::checks::{span_of, warn};
 use super::schedule::{single_radius, to_f32};
 use super::transmitters::check_position;
 use crate::memory::check_available;
@@ -40,9 +40,7 @@ fn at_sites(
     warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Receiver>, Problem> {
     let receiver = receiver(one, names, model, warnings)?;
-    let Some(center) = one.center.as_ref().map(Spanned::span) else {
-        return Ok(vec![receiver]);
-    };
+    let Some(center) = span_of(&one.center) else { return Ok(vec![receiver]) };
     let Some(lattice) = one.lattice else {
         check_position(&model.boundary, center.clone(), receiver.center, receiver.radius, warnings)?;
         return match model.overlaps_wall(&receiver) {
@@ -117,7 +115,7 @@ fn receiver(
         diffusion: one.diffusion.0,
         surface_diffusion: one.surface_diffusion.as_ref().map_or(0.0, |d| d.get_ref().0),
     };
-    if let (&ReceiverKind::Wall(face), Some(span)) = (&receiver.kind, one.face.as_ref().map(Spanned::span))
+    if let (&ReceiverKind::Wall(face), Some(span)) = (&receiver.kind, span_of(&one.face))
         && let Some(message) = model.missing_wall(&receiver.name, face)
     {
         return Err(Problem::at(span, message));
@@ -125,14 +123,11 @@ fn receiver(
     if let Some(message) = model.resting_before(&receiver) {
         return Err(Problem::at(one.kind.span(), message));
     }
-    let at_kind = |message| Problem::at(one.kind.span(), message);
-    warnings.extend(warnings::long_step_before(&receiver, model).map(at_kind));
-    let rates = one.unbinding_rate.as_ref().map(Spanned::span);
-    if let Some(span) = rates.or_else(|| one.receptors.as_ref().map(Spanned::span)) {
+    warn(warnings, one.kind.span(), warnings::long_step_before(&receiver, model));
+    if let Some(span) = span_of(&one.unbinding_rate).or_else(|| span_of(&one.receptors)) {
         let messages =
             [warnings::fast_unbinding(&receiver, model), warnings::rounded_unbinding(model, &receiver)];
-        let messages = messages.into_iter().flatten();
-        warnings.extend(messages.map(|message| Problem::at(span.clone(), message)));
+        warn(warnings, span, messages.into_iter().flatten());
     }
     Ok(receiver)
 }
@@ -159,18 +154,14 @@ fn extent(one: &file::Receiver) -> Result<([f32; 3], f32), Problem> {
 fn kind(one: &file::Receiver, names: &Names<'_>, sees: &[bool]) -> Result<ReceiverKind, Problem> {
     let kind = *one.kind.get_ref();
     let misplaced = [
-        (one.probability.as_ref().map(Spanned::span), "probability", file::ReceiverKind::Partial),
-        (one.rate.as_ref().map(Spanned::span), "rate", file::ReceiverKind::Partial),
-        (one.count.as_ref().map(Spanned::span), "count", file::ReceiverKind::Receptors),
-        (one.binding_rate.as_ref().map(Spanned::span), "binding-rate", file::ReceiverKind::Receptors),
-        (one.unbinding_rate.as_ref().map(Spanned::span), "unbinding-rate", file::ReceiverKind::Receptors),
-        (one.receptors.as_ref().map(Spanned::span), "receptors", file::ReceiverKind::Receptors),
-        (
-            one.surface_diffusion.as_ref().map(Spanned::span),
-            "surface-diffusion",
-            file::ReceiverKind::Receptors,
-        ),
-        (one.face.as_ref().map(Spanned::span), "face", file::ReceiverKind::Wall),
+        (span_of(&one.probability), "probability", file::ReceiverKind::Partial),
+        (span_of(&one.rate), "rate", file::ReceiverKind::Partial),
+        (span_of(&one.count), "count", file::ReceiverKind::Receptors),
+        (span_of(&one.binding_rate), "binding-rate", file::ReceiverKind::Receptors),
+        (span_of(&one.unbinding_rate), "unbinding-rate", file::ReceiverKind::Receptors),
+        (span_of(&one.receptors), "receptors", file::ReceiverKind::Receptors),
+        (span_of(&one.surface_diffusion), "surface-diffusion", file::ReceiverKind::Receptors),
+        (span_of(&one.face), "face", file::ReceiverKind::Wall),
     ];
     for (span, key, kind_of_key) in misplaced {
         if let Some(span) = span.filter(|_| kind != kind_of_key) {

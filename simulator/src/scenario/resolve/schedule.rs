@@ -5,6 +5,7 @@ use lazygrid_io::excerpt;
 use lazygrid_scenario::{self as file, Finite, NotNegative};
 
 use super::Names;
+use super::checks::{refuse_keys, span_of};
 use crate::model::message::{Message, Modulation, Symbols};
 use crate::model::transmitter::Schedule;
 use crate::scenario::Problem;
@@ -44,7 +45,7 @@ pub(super) fn schedule(
     let schedule = match (rates.is_empty(), is_message) {
         (true, true) => Schedule::Message(message(transmitter, counts.len())?),
         (true, false) => {
-            steady_only(transmitter, "release rates")?;
+            steady_only(transmitter)?;
             message_only(transmitter)?;
             Schedule::Times(times(transmitter))
         }
@@ -62,8 +63,7 @@ pub(super) fn schedule(
                 let message = format!(
                     "the release is from {begin} s until {end} s; the end must be later than the beginning"
                 );
-                let span = transmitter.until.as_ref().map_or(span, toml::Spanned::span);
-                return Err(Problem::at(span, message));
+                return Err(Problem::at(span_of(&transmitter.until).unwrap_or(span), message));
             }
             Schedule::Steady { from: begin, until: end, rates }
         }
@@ -84,40 +84,30 @@ fn times(transmitter: &file::Transmitter) -> Vec<f64> {
     times
 }
 
-fn steady_only(transmitter: &file::Transmitter, with: &str) -> Result<(), Problem> {
-    let conflicting_keys = [("from", &transmitter.from), ("until", &transmitter.until)];
-    match conflicting_keys.into_iter().find_map(|(key, value)| Some((key, value.as_ref()?.span()))) {
-        None => Ok(()),
-        Some((key, span)) => Err(Problem::at(span, format!("{key} goes with {with}; remove it"))),
-    }
+fn steady_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
+    let keys = [("from", span_of(&transmitter.from)), ("until", span_of(&transmitter.until))];
+    refuse_keys(keys, |key| format!("{key} goes with release rates; remove it"))
 }
 
 fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
-    let conflicting_keys = [
-        ("symbol-time", transmitter.symbol_time.as_ref().map(toml::Spanned::span)),
-        ("start", transmitter.start.as_ref().map(toml::Spanned::span)),
-        ("modulation", transmitter.modulation.as_ref().map(toml::Spanned::span)),
-        ("levels", transmitter.levels.as_ref().map(toml::Spanned::span)),
+    let keys = [
+        ("symbol-time", span_of(&transmitter.symbol_time)),
+        ("start", span_of(&transmitter.start)),
+        ("modulation", span_of(&transmitter.modulation)),
+        ("levels", span_of(&transmitter.levels)),
     ];
-    match conflicting_keys.into_iter().find_map(|(key, span)| Some((key, span?))) {
-        None => Ok(()),
-        Some((key, span)) => Err(Problem::at(
-            span,
-            format!("{key} goes with bits or random-bits; give one of them, or remove it"),
-        )),
-    }
+    refuse_keys(keys, |key| format!("{key} goes with bits or random-bits; give one of them, or remove it"))
 }
 
 /// Limit of the bits of a transmitter, and of the symbols of all transmitters, which are the rows of symbols.csv.
 pub(super) const MAX_BITS: usize = 1 << 22;
 
 pub(super) fn bits_span(transmitter: &file::Transmitter) -> Range<usize> {
-    let random = || transmitter.random_bits.as_ref().map(toml::Spanned::span);
-    transmitter.bits.as_ref().map(toml::Spanned::span).or_else(random).unwrap_or_default()
+    span_of(&transmitter.bits).or_else(|| span_of(&transmitter.random_bits)).unwrap_or_default()
 }
 
 fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, Problem> {
-    steady_only(transmitter, "release rates")?;
+    steady_only(transmitter)?;
     if let Some(times) = &transmitter.times {
         let message = "bits say when to release; write start and symbol-time instead of times".to_owned();
         return Err(Problem::at(times.span(), message));
@@ -183,7 +173,7 @@ fn modulation(transmitter: &file::Transmitter) -> Result<Modulation, Problem> {
             Ok(Modulation::Concentration(levels.get_ref().iter().map(|&NotNegative(level)| level).collect()))
         }
         (file::Modulation::Csk, None) => {
-            let span = transmitter.modulation.as_ref().map(toml::Spanned::span).unwrap_or_default();
+            let span = span_of(&transmitter.modulation).unwrap_or_default();
             let message =
                 "csk needs levels: for each symbol the fraction of the release, as in [0, 0.5, 0.75, 1]";
             Err(Problem::at(span, message.to_owned()))

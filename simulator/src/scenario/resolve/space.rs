@@ -3,6 +3,7 @@ use std::path::Path;
 use lazygrid_scenario::{self as file, AxisName, BoundaryKind, Finite};
 use toml::Spanned;
 
+use super::checks::{refuse_keys, span_of};
 use super::flow_field;
 use super::schedule::to_f32;
 use crate::model::Flow;
@@ -28,18 +29,15 @@ pub(super) fn boundary(boundary: Option<&file::Boundary>, dimensions: usize) -> 
 
 fn walls(boundary: &file::Boundary, kind: BoundaryKind, dimensions: usize) -> Result<Boundary, Problem> {
     let others = [
-        ("axis", boundary.axis.as_ref().map(Spanned::span)),
-        ("center", boundary.center.as_ref().map(Spanned::span)),
-        ("radius", boundary.radius.as_ref().map(Spanned::span)),
-        ("ends", boundary.ends.as_ref().map(Spanned::span)),
-        ("at-ends", boundary.at_ends.as_ref().map(Spanned::span)),
+        ("axis", span_of(&boundary.axis)),
+        ("center", span_of(&boundary.center)),
+        ("radius", span_of(&boundary.radius)),
+        ("ends", span_of(&boundary.ends)),
+        ("at-ends", span_of(&boundary.at_ends)),
     ];
-    if let Some((key, span)) = others.into_iter().find_map(|(key, span)| Some((key, span?))) {
-        return Err(Problem::at(
-            span,
-            format!("{key} goes with kind = \"cylinder\" or \"sphere\"; a box has low and high"),
-        ));
-    }
+    refuse_keys(others, |key| {
+        format!("{key} goes with kind = \"cylinder\" or \"sphere\"; a box has low and high")
+    })?;
     let (Some(low), Some(high)) = (&boundary.low, &boundary.high) else {
         return Err(Problem::at(boundary.kind.span(), "a box needs low and high, its corners".to_owned()));
     };
@@ -56,27 +54,20 @@ fn walls(boundary: &file::Boundary, kind: BoundaryKind, dimensions: usize) -> Re
 
 fn sphere(boundary: &file::Boundary) -> Result<Boundary, Problem> {
     let others = [
-        ("axis", boundary.axis.as_ref().map(Spanned::span)),
-        ("ends", boundary.ends.as_ref().map(Spanned::span)),
-        ("at-ends", boundary.at_ends.as_ref().map(Spanned::span)),
+        ("axis", span_of(&boundary.axis)),
+        ("ends", span_of(&boundary.ends)),
+        ("at-ends", span_of(&boundary.at_ends)),
     ];
-    if let Some((key, span)) = others.into_iter().find_map(|(key, span)| Some((key, span?))) {
-        return Err(Problem::at(
-            span,
-            format!("{key} goes with a cylinder; a sphere has a radius and a center"),
-        ));
-    }
+    refuse_keys(others, |key| format!("{key} goes with a cylinder; a sphere has a radius and a center"))?;
     Ok(Boundary { vessel: Some(vessel(boundary, None)?), ..Boundary::default() })
 }
 
 fn vessel(boundary: &file::Boundary, along: Option<usize>) -> Result<Vessel, Problem> {
-    let corners = [("low", &boundary.low), ("high", &boundary.high)];
-    if let Some((key, corner)) = corners.into_iter().find_map(|(key, corner)| Some((key, corner.as_ref()?))) {
-        let message = format!(
+    refuse_keys([("low", span_of(&boundary.low)), ("high", span_of(&boundary.high))], |key| {
+        format!(
             "{key} goes with a box; a cylinder or sphere has a radius and a center, and a cylinder an axis and ends"
-        );
-        return Err(Problem::at(corner.span(), message));
-    }
+        )
+    })?;
     let Some(radius) = &boundary.radius else {
         let message = "a cylinder or sphere needs a radius".to_owned();
         return Err(Problem::at(boundary.kind.span(), message));

@@ -3,6 +3,7 @@ use std::collections::HashSet;
 use lazygrid_io::excerpt;
 use lazygrid_scenario as file;
 
+use super::checks::warn;
 use super::schedule::{MAX_BITS, bits_span, schedule, to_f32};
 use super::space::number;
 use super::{Names, equation_name, number_equal_names};
@@ -221,6 +222,6 @@ pub(super) fn check_position(
         let walls = warnings::walls(boundary);
         return Err(Problem::at(span, format!("{center:?} is outside {walls}; move it inside")));
     }
-    warnings.extend(warnings::image(boundary, center).map(|message| Problem::at(span, message)));
+    warn(warnings, span, warnings::image(boundary, center));
     Ok(())
 }
