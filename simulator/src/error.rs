@@ -19,7 +19,7 @@ pub enum Error {
     #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
     OutOfMemory {
         particles: u64,
-        /// Of one column.
+        /// In one column.
         bytes: u64,
     },
     #[error(

@@ -48,7 +48,7 @@ impl SampleFilter {
 
     #[inline]
     pub fn takes(self, id: u64) -> bool {
-        // By the tie breaker's hash, all samples at one point would be on one side of its plane.
+        // With the tie breaker's hash, all samples at one point would be on one side of its plane.
         mix(id ^ 0x2545_F491_4F6C_DD1D) <= self.largest
     }
 }

@@ -108,7 +108,7 @@ impl SphereWrapper {
     ///
     /// # Correctness
     ///
-    /// 1. Wrapping along an axis of length `L` rounds nothing.
+    /// 1. Wrapping along an axis of length `L` rounds nothing, so wrapped centers are exact images.
     /// 2. The contact test computes `(cj − ci) + S·L`, whose roundings add up to `2⁻⁵³·(4|ci| + 4|cj| + 2L)`
     ///    at most along an axis, and √3 times that in space. The boxes' distance across the boundary
     ///    rounds by less than `2⁻⁵¹·L`. Each radius grows by `2⁻⁴⁹·(|c| + L)`.

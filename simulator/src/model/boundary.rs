@@ -67,7 +67,6 @@ impl Axis {
         }
     }
 
-    /// Returns the positions of a plane and its images.
     #[inline]
     pub(crate) fn plane_images(self, position: f32) -> impl Iterator<Item = f32> {
         let images: &[f32] = match self {

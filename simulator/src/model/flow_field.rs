@@ -16,7 +16,7 @@ pub struct FlowField {
     checksum: u64,
     /// Largest absolute component along each axis, in µm/s.
     fastest: [f64; 3],
-    /// Largest change of a component per distance of neighboring points, in 1/s.
+    /// Largest change of a component between neighboring points, in 1/s.
     steepest: f64,
 }
 
@@ -111,7 +111,7 @@ impl FlowField {
         bytemuck::cast_slice(&self.velocities)
     }
 
-    /// Returns the velocity at a point, in µm/s.
+    /// Returns a velocity in µm/s.
     pub fn at(&self, point: [f32; 3]) -> [f64; 3] {
         let cells: [_; 3] = std::array::from_fn(|axis| self.cell(axis, point[axis]));
         let mut sum = [0.0; 3];

@@ -228,7 +228,7 @@ impl Model {
         self.flow_fraction([0.0, 1.0].map(|later| (f64::from(step) + later) * self.time_step))
     }
 
-    /// Returns the flow velocity at a point, in µm/s.
+    /// Returns a velocity in µm/s.
     pub fn flow_at(&self, point: [f32; 3]) -> [f64; 3] {
         match (&self.flow, &self.boundary.vessel) {
             (Some(Flow::Plug(velocity)), _) => *velocity,

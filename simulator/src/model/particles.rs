@@ -200,7 +200,6 @@ impl Particles {
     }
 }
 
-/// Returns the number of positions that are not finite.
 pub(crate) fn non_finite([x, y, z]: [&[f32]; 3]) -> usize {
     let lost = |((x, y), z): ((&f32, &f32), &f32)| !(x.is_finite() & y.is_finite() & z.is_finite());
     x.iter().zip(y).zip(z).map(|position| usize::from(lost(position))).sum()

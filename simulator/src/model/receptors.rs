@@ -12,7 +12,7 @@ pub struct ReceptorType {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ligand {
     pub species: u32,
-    /// Of a free receptor, in µm³/s: `n` free receptors on a sphere have the reactivity n·rate/(4πR²).
+    /// Rate of a free receptor, in µm³/s: `n` free receptors on a sphere have the reactivity n·rate/(4πR²).
     pub binding_rate: f64,
     /// Per bound particle, in 1/s.
     pub unbinding_rate: f64,

@@ -38,7 +38,7 @@ impl Vessel {
         self.across(std::array::from_fn(|k| p[k] - f64::from(self.center[k])))
     }
 
-    /// Returns the distance of a point from the middle line or center, in µm.
+    /// Returns the distance from the middle line or center.
     pub fn distance(&self, p: [f32; 3]) -> f64 {
         self.length(self.offset(p.map(f64::from)))
     }

@@ -8,7 +8,7 @@ use crate::output::options::Output;
 use crate::output::report::{REPORT, TABLES, is_plot, remove_own_plots, remove_report};
 use crate::output::{ANIMATED, ARRIVALS, Lock, OCCUPANCY, PLOTS, RELEASES, SERIES, SYMBOLS, XYZ};
 
-/// Files of runs, replicas, sweeps and reports, apart from frames, plots and the tables of reports.
+/// Files of runs, replicas, sweeps and reports except frames, plots and tables.
 const RESULTS: [&str; 16] = [
     "checkpoint",
     "replicas.csv",
@@ -27,16 +27,14 @@ const RESULTS: [&str; 16] = [
     ARROW[1],
     REPORT,
 ];
-/// The table of the replicas' means.
 pub(crate) const MEAN: &str = "mean.csv";
-/// The table of a sweep's results.
 pub(crate) const SWEEP: &str = "sweep.csv";
 /// Number of the first [`RESULTS`], which `--resume` continues.
 const RESUMABLE: usize = 3;
 const ANIMATION: &str = "animation.html";
 /// Copies of the logs.
 const ARROW: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
-/// The metadata of the schema in these copies: key and value.
+/// Key and value in the schema of these copies.
 pub(super) const ARROW_MARK: [&str; 2] = ["lazygrid", "copy of a log of lazygrid simulate"];
 /// Bytes that contain a file's mark: two lines of a page, or the schema of a copy.
 const MARKED_BYTES: u64 = 4096;

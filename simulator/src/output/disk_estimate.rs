@@ -14,7 +14,7 @@ pub(crate) struct DiskEstimate {
 }
 
 const SAMPLES: u32 = 1000;
-/// Of a coordinate as text: eight digits, a point, half a sign.
+/// Mean of a coordinate as text: eight digits, a point, half a sign.
 const COORDINATE_BYTES: f64 = 9.7;
 
 impl DiskEstimate {

@@ -10,7 +10,7 @@ pub(crate) const LOGGED_ARRIVALS: u64 = 1 << 14;
 /// Steps between checks of the disk, with logs.
 pub(crate) const LOGGED_STEPS: u32 = 4096;
 
-/// Remaining bytes after step `from`, for `ids` particles that exist or appear, and `present` ones in a row.
+/// Bytes after step `from`, for `ids` particles that exist or appear, and `present` ones in a row.
 pub(super) fn remaining_bytes(
     model: &Model,
     [from, steps]: [u32; 2],

@@ -30,7 +30,7 @@ pub struct Report<'a> {
     pub tables: Vec<(&'a str, TableWriter<'a>)>,
 }
 
-/// Writes the files of a report in place of those of the former report.
+/// Writes the files of a report in place of the former ones.
 ///
 /// # Errors
 /// [`Error::Write`], also for a page, plot or table of others, unless `overwrite`.

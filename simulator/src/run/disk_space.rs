@@ -83,7 +83,7 @@ fn is_check_due(simulation: &impl RunView, output: Output) -> bool {
         || occupancy::is_logged(model) && step.is_multiple_of(output.every)
 }
 
-/// Returns `true` if the last step logged one of each [`LOGGED_ARRIVALS`] arrivals.
+/// Returns `true` once per [`LOGGED_ARRIVALS`] arrivals.
 fn has_logged_many(simulation: &impl RunView) -> bool {
     let receivers = simulation.model().receivers.iter().zip(&simulation.totals().arrived);
     let counts = receivers.filter(|(receiver, _)| !receiver.is_momentary()).flat_map(|(_, counts)| counts);

@@ -116,7 +116,7 @@ impl Simulation {
         self.state.remove(ids)
     }
 
-    /// Releases particles besides the schedule. Returns the ids, which determine the lattice sites.
+    /// Releases particles besides the schedule. Their ids determine lattice sites.
     ///
     /// # Errors
     /// [`Error::Model`] for an unknown transmitter or species; otherwise as [`add`](Self::add).

@@ -47,7 +47,7 @@ pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing)
     check_particles(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE))
 }
 
-/// Returns the size of the first release, which precedes all checks, or of a later burst or step if larger.
+/// Returns the first release, which precedes all checks, or a later burst or step if larger.
 fn largest_release(model: &Model, steps: u32) -> u64 {
     let mean = |transmitter: &Transmitter, window| -> f64 {
         transmitter.mean_between(window, model.time_step).iter().map(|&(_, count)| count).sum()

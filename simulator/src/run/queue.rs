@@ -22,7 +22,7 @@ fn threads(replicas: &Replicas) -> usize {
     replicas.run.threads.unwrap_or_else(rayon::current_num_threads).max(1)
 }
 
-/// Does all replicas of all groups, one per thread at once, until `watch` breaks. Directories must be prepared.
+/// Does all replicas, one per thread at once, until `watch` breaks. Directories must be prepared.
 ///
 /// # Errors
 /// The first error, with its group. The other runs then have checkpoints.

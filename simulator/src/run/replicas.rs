@@ -40,8 +40,8 @@ pub fn seed_of(seed: u64, replica: u32) -> u64 {
 impl Replicas {
     /// Does all replicas, one per thread at once, and writes `mean.csv`. Files do not depend on threads.
     ///
-    /// Calls `watch` as [`Run::run`], from several threads; a break stops all. [`Run::resume`] continues stopped
-    /// replicas and begins others, possibly more.
+    /// Calls `watch` like [`Run::run`], from several threads; a break stops all. [`Run::resume`] continues stopped
+    /// replicas and begins others.
     ///
     /// # Errors
     /// See [`Run::run`], as [`Error::Replica`] for one replica. The others then have checkpoints.
@@ -115,7 +115,7 @@ impl Replicas {
         run.report = None;
         run.scenario.output = self.output_of(replica);
         if run.resume && !run.checkpoint_path().exists() {
-            // By the table of seeds the directory is of these replicas, and by a mark the files.
+            // The table of seeds identifies the directory, and a mark its files.
             (run.resume, run.overwrite) = (false, output::has_begun(&run.directory, run.scenario.seed));
         }
         run

@@ -125,7 +125,7 @@ impl SweepRuns {
         new.try_for_each(|point| output::refuse_file(&point.run.directory, SCENARIO))
     }
 
-    /// Writes the table of points. Removes results of a former sweep, whose points could count as done.
+    /// Removes results of a former sweep, whose points could count as done.
     fn write_points(&self) -> Result<(), Error> {
         for point in self.points.iter().filter(|point| !point.run.resume) {
             point.check_table_fits_into(&self.directory)?;

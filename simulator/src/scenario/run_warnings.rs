@@ -83,7 +83,7 @@ impl Scenario {
     }
 }
 
-/// Warns of species without any particle, which a misspelled equation or a forgotten transmitter leaves.
+/// Warns of species without particles, by a misspelled equation or a forgotten transmitter.
 fn absent_species(model: &Model) -> Option<String> {
     let released = model.transmitters.iter().flat_map(Transmitter::species);
     let reacted = model.reactions.iter().flat_map(|reaction| reaction.products).flatten();

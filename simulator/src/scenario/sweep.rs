@@ -183,8 +183,8 @@ struct KnownKey {
 const MAX_PATH_PARTS: usize = 8;
 const MAX_PATH_BYTES: usize = 1024;
 
-/// Lists all keys of at most `max_parts` parts. Array elements are named by index, and by name, equation or species,
-/// and coordinates also by x, y and z.
+/// Lists keys of at most `max_parts` parts. Array elements are named by index, and by name, equation or species,
+/// coordinates also by x, y and z.
 fn list_keys(table: &DeTable<'_>, prefix: &str, max_parts: usize, known: &mut Vec<KnownKey>) {
     for (name, value) in table {
         list_value(value, format!("{prefix}{}", name.get_ref()), max_parts, known);
@@ -319,7 +319,7 @@ fn without_section(text: &str, file: &DeTable<'_>) -> String {
     [&text[..start], &lines, &text[end..]].concat()
 }
 
-/// Replaces the keys of a section by those of options. Options name each key once.
+/// Replaces the keys of a section by those of options, which name each once.
 fn replace_keys(keys: &mut Vec<SweptKey>, option_keys: Vec<SweptKey>) -> Result<(), String> {
     for (k, key) in option_keys.iter().enumerate() {
         if option_keys[..k].iter().any(|other| other.path == key.path) {

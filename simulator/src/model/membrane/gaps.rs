@@ -32,7 +32,6 @@ pub(crate) fn narrowest_gaps(membranes: &[Membrane], domain: &Boundary, species:
     })
 }
 
-/// Returns the number of substeps of a step with the standard deviation `spread`.
 pub(crate) fn substep_count(gap: f32, spread: f32) -> u32 {
     let ratio = MIN_GAP_WIDTH * spread / gap;
     (ratio * ratio).ceil().clamp(1.0, MAX_SUBSTEPS as f32) as u32

@@ -133,7 +133,7 @@ impl MembraneStep<'_> {
 }
 
 impl Sphere {
-    /// Returns the distance from the surface, negative inside.
+    /// Negative inside.
     fn height(&self, domain: &Boundary, point: [f32; 3]) -> f64 {
         let away = self.vector_to(domain, point.map(f64::from));
         dot(away, away).sqrt() - f64::from(self.radius)

@@ -1,4 +1,4 @@
-//! Reactions and decays by their reactants and products, because files have tens of thousands.
+//! Reactions and decays by reactants and products, because files have tens of thousands.
 
 use std::collections::HashMap;
 

@@ -81,7 +81,7 @@ fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> 
     fits.map_err(|error| Problem { key: Some("receiver".to_owned()), ..Problem::at(span, error.to_string()) })
 }
 
-/// Returns the body of a transmitter that reflects or moves. One that only moves is a point that particles pass.
+/// Returns the body of a transmitter that reflects or moves; one that only moves is a point that particles pass.
 pub(super) fn body(transmitter: &file::Transmitter, species: usize) -> Option<Receiver> {
     let body = Receiver {
         name: transmitter.name.get_ref().0.clone(),

@@ -9,7 +9,7 @@ const MANY_COLLISIONS: f64 = 1.0;
 /// Largest mean number if the result is right with more, but takes long.
 const COSTLY_COLLISIONS: f64 = 100.0;
 
-/// Assumes the density after `steps` steps, in bounded space.
+/// Assumes the density after `steps`, in bounded space.
 pub(in crate::scenario) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
     let sees_paths =
         !model.reactions.is_empty() || model.receivers.iter().any(|r| r.kind != ReceiverKind::Transparent);

@@ -113,7 +113,7 @@ fn exchanges(model: &Model) -> HashSet<(u32, [u32; 2])> {
     model.decays.iter().filter_map(exchange).collect()
 }
 
-/// Returns the species of steady release, and all to which their decays lead without dissociation.
+/// Returns the species of steady release, and those to which decays lead without dissociation.
 fn released_within_a_step(model: &Model, dissociates: &[bool]) -> Vec<usize> {
     let mut products = vec![Vec::new(); model.species.len()];
     for decay in model.decays.iter().filter(|decay| !dissociates[decay.reactant as usize]) {

@@ -46,7 +46,7 @@ pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model)
     })
 }
 
-/// Membranes are exact for steps and substeps that reach one of them and no wall.
+/// Membranes are exact for steps and substeps that reach one and no wall.
 pub(in crate::scenario) fn long_step_between_membranes(membrane: &Membrane, model: &Model) -> Option<String> {
     let species = fastest(membrane, model)?;
     let gap = gap(membrane, model)?;

@@ -45,7 +45,7 @@ pub(in crate::scenario) fn rounded_tumbles(model: &Model, species: usize) -> Opt
     Some(message(&format!("a tumble of {}", one.name), probability, rounded))
 }
 
-/// Returns a warning for the first ligand of a receiver whose unbinding is rounded.
+/// Warns of the first ligand whose unbinding is rounded.
 pub(in crate::scenario) fn rounded_unbinding(model: &Model, receiver: &Receiver) -> Option<String> {
     let types = receiver.receptor_types();
     types.iter().flat_map(|kind| &kind.ligands).find_map(|ligand| {
