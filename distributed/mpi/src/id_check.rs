@@ -47,7 +47,7 @@ struct IdRecord {
 }
 
 impl IdCheck {
-    /// Refuses duplicate ids and spheres of different types. Compares ids only if their set has changed.
+    /// Refuses duplicate ids and spheres of different types. Compares ids if their set has changed.
     pub(crate) fn check(
         &mut self,
         comm: &mut MpiCommunicator,

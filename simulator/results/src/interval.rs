@@ -1,7 +1,7 @@
 /// Normal quantile for 95 %.
 const Z: f64 = 1.959_963_984_540_054;
 
-/// Returns the 95 % Wilson interval of a probability after `hits` of independent `trials`.
+/// Returns the 95 % Wilson interval of a probability after `hits` in independent `trials`.
 pub fn wilson(hits: u64, trials: u64) -> [f64; 2] {
     if trials == 0 {
         return [0.0, 1.0];

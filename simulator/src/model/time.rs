@@ -5,7 +5,7 @@ pub fn step_of(time: f64, time_step: f64) -> Option<u32> {
     (steps < f64::from(u32::MAX)).then_some(steps as u32)
 }
 
-/// Returns about the longest time step that fits, in s, also if printed with three digits.
+/// Returns about the longest time step below one that does not fit, in s. It fits also if printed with three digits.
 pub(crate) fn longest_step(time_step: f64, fits: impl Fn(f64) -> bool) -> f64 {
     let [mut low, mut high] = [0.0, time_step];
     while high - low > 1e-3 * high && high > f64::MIN_POSITIVE {

@@ -6,8 +6,8 @@ use crate::model::vessel::dot;
 use crate::model::{Flow, Model};
 use crate::motion::tumble::tumble_probability;
 
-/// Largest relative change of the distance of two particles by the flow in a step, for an error of second order in the
-/// time step.
+/// Largest relative change of the distance of two particles by the flow in a step. Above it, an error of second order
+/// is too large.
 const STEEP_FLOW: f64 = 0.3;
 
 pub(in crate::scenario) fn unresolved_flow(model: &Model) -> Vec<String> {
