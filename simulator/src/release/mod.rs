@@ -173,7 +173,8 @@ impl Model {
 
     fn batches<'a>(&self, from: &'a Transmitter, index: u32, step: u32, key: Key) -> Vec<Batch<'a>> {
         let mut words = Draws::new(key, index, step, Purpose::Count);
-        let mut poisson = |mean: f64| match Poisson::new(mean) {
+        // The sampler refuses greater means, which exceed all ids anyway.
+        let mut poisson = |mean: f64| match Poisson::new(mean.min(Poisson::<f64>::MAX_LAMBDA)) {
             Ok(distribution) => distribution.sample(&mut words).min(f64::from(u32::MAX)) as u32,
             Err(_) => 0,
         };

@@ -67,6 +67,25 @@ fn products_since_the_release_have_the_thermal_speeds_of_their_species() {
 }
 
 #[test]
+fn steady_release_beyond_all_ids_is_refused() {
+    for numbers in [CountDistribution::Fixed, CountDistribution::Poisson] {
+        for rate in [1e11, 1e21, 1e300] {
+            let model = Model {
+                time_step: 0.1,
+                species: vec![Species::default()],
+                transmitters: vec![Transmitter { numbers, ..steady(vec![(0, rate)], [0.0, 1.0]) }],
+                ..Model::default()
+            };
+            let events = PartialEvents::new(&model);
+            let at =
+                ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, receiver_moves: &[] };
+            let refused = model.release(at, RankSlice::WHOLE).map(|released| released.next_id);
+            assert!(matches!(refused, Err(Error::OutOfIds { .. })), "{numbers:?}, {rate}: {refused:?}");
+        }
+    }
+}
+
+#[test]
 fn steady_release_fills_all_sites_of_a_lattice() {
     let ends = [0.0, 1.0];
     for (numbers, rates) in [
