@@ -255,7 +255,7 @@ impl GpuSimulation {
         let step_limit = step_limit.min(max_steps(&self.model)).min(self.steps_per_readback());
         let step_limit = self.steps_of_flow(step_limit);
         let bursts = self.bursts(step_limit)?;
-        // Dissociations change the ids of later releases.
+        // A dissociation may change the ids of the release.
         let step_limit = match bursts.first() {
             Some(burst) if self.tables.dissociates() => burst.step - self.step,
             _ => step_limit,

@@ -9,6 +9,7 @@ use crate::motion::receiver_state::{ReceiverMove, move_receivers};
 use crate::release::ReleaseStep;
 
 impl GpuSimulation {
+    /// Returns the releases of the next steps, or the first one if particles may dissociate.
     pub(super) fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
         let mut next_id = self.next_id;
         let mut bursts = Vec::new();
@@ -26,6 +27,10 @@ impl GpuSimulation {
             if released.next_id > next_id {
                 next_id = released.next_id;
                 bursts.push(Burst { step, released });
+                // Dissociations change the ids of later releases.
+                if self.tables.dissociates() {
+                    break;
+                }
             }
         }
         Ok(bursts)

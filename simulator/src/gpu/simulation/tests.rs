@@ -2,7 +2,7 @@ use super::*;
 use crate::gpu::tests::device;
 use crate::model::boundary::Axis;
 use crate::motion::collisions::tests::model;
-use crate::{Contact, Shape, Transmitter};
+use crate::{Contact, Decay, Schedule, Shape, Species, Transmitter};
 
 fn burst(radius: f32) -> Model {
     let mut model = model(Contact::Separate, Axis::Periodic { low: 0.0, high: 5.5 });
@@ -19,6 +19,24 @@ fn burst(radius: f32) -> Model {
         transmitter([2.2; 3], Shape::Point, (1, 600)),
     ];
     model
+}
+
+#[test]
+fn only_the_next_release_is_prepared_if_particles_dissociate() {
+    let Some(gpu) = device() else { return };
+    let rates = vec![(0, 1e4)];
+    let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates };
+    for (products, expected) in [([Some(1), None], 50), ([Some(1), Some(1)], 1)] {
+        let model = Model {
+            time_step: 0.01,
+            species: vec![Species::default(); 2],
+            decays: vec![Decay { products, rate: 1.0, ..Decay::default() }],
+            transmitters: vec![Transmitter { schedule: schedule.clone(), ..Transmitter::default() }],
+            ..Model::default()
+        };
+        let simulation = GpuSimulation::new(model, 3, gpu.clone(), GpuOptions::default()).expect("a model");
+        assert_eq!(simulation.bursts(50).expect("releases").len(), expected, "{products:?}");
+    }
 }
 
 /// A radius of 10⁻³⁰ µm collides as a point, and shows the candidates without a table of species.
