@@ -33,8 +33,9 @@ pub struct BestCandidates {
 
 /// Capacity per particle. With four, few particles are left for another pass.
 const CANDIDATES_PER_PARTICLE: usize = 4;
-/// Smallest capacity.
 const MIN_CAPACITY: usize = 1 << 14;
+/// The matching stores indices of candidates in 32 bits, and needs two more numbers.
+const MAX_CAPACITY: usize = u32::MAX as usize - 1;
 /// Bit of the fourth random word of a pair for the order of equal reactants. The angle between products comes from that
 /// word, too, but ignores its lowest eight bits.
 const ORDER_BIT: u32 = 1;
@@ -43,7 +44,7 @@ const PAIRS_PER_BLOCK: usize = 64 * CHUNK;
 
 impl BestCandidates {
     pub fn new(particles: usize) -> Self {
-        let capacity = particles.saturating_mul(CANDIDATES_PER_PARTICLE).max(MIN_CAPACITY);
+        let capacity = particles.saturating_mul(CANDIDATES_PER_PARTICLE).clamp(MIN_CAPACITY, MAX_CAPACITY);
         Self { candidates: Vec::new(), capacity, bound: None }
     }
 
@@ -144,5 +145,19 @@ impl Reactions {
     fn dissociates(&self, species: u32, spared: &[u32], context: DrawContext) -> bool {
         let is_within = self.dissociation_of(species).is_some_and(|time| time.is_within(context));
         is_within && spared.binary_search(&context.id).is_err()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn candidates_of_a_pass_have_indices_of_32_bits() {
+        let most = lazygrid::MAX_SPHERES as usize;
+        assert_eq!(
+            [1, 10_000, most].map(|n| BestCandidates::new(n).capacity),
+            [16_384, 40_000, 4_294_967_294]
+        );
     }
 }
