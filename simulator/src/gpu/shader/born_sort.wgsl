@@ -1,5 +1,4 @@
-// Sorts second products by parents' ids, which determine their own: a stable radix sort by one workgroup, in an even
-// number of passes.
+// Sorts second products by parents' ids: a stable radix sort by one workgroup, in an even number of passes.
 #include control
 #include running_sum
 

@@ -1,4 +1,4 @@
-// No two events of a round share a particle. See collisions/rules.rs.
+// Events of a round share no particle. See collisions/rules.rs.
 #include control
 #include params
 #include boundary

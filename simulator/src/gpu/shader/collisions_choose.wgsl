@@ -18,13 +18,13 @@ const MAX_ITERATIONS: u32 = 60000u;
 
 var<private> iterations: u32;
 
-// Returns a lower bound of the time at which `left`, off its path at or after `time`, hits `steady`.
+// Bounds the time at which `left`, off its path at or after `time`, hits `steady`.
 fn hit(left: Mover, steady: Mover, time: f32) -> f32 {
     let gap = gap_at(left, steady, max(time, max(left.time, steady.time))) + SLACK * (left.radius + steady.radius);
     return time + max(gap, 0.0) / (window.top_speed + length(steady.motion));
 }
 
-// Returns a lower bound of the time at which a particle leaves its path, unless one of the pair hits it.
+// Bounds the time at which a particle leaves its path, unless one of the pair hits it.
 fn leaves(other: u32, pair: vec2<u32>, earliest: f32) -> f32 {
     let mover = movers[other];
     let next = next_events[other];

@@ -1,5 +1,5 @@
 // Runs the remaining rounds in one workgroup, which can synchronize. If its loops would be too long, the run halts, and
-// the host adds rounds before this kernel.
+// the host adds rounds before.
 #include control
 #include params
 #include philox

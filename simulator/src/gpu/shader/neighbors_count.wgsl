@@ -1,4 +1,4 @@
-// Counts neighbors and marks candidate pairs: another kernel could round their gaps differently.
+// Counts neighbors and marks pairs: another kernel could round gaps differently.
 #include control
 #include params
 #include boundary

@@ -8,7 +8,7 @@
 @group(0) @binding(3) var<storage, read_write> neighbors: array<u32>;
 
 fn list(at: u32, other: u32) {
-    // The begin and count of NextEvent.
+    // Begin and count of NextEvent.
     let begin = atomicLoad(&next_events[at].words[5]);
     neighbors[begin + atomicAdd(&next_events[at].words[6], 1u)] = other;
 }

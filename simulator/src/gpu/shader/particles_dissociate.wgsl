@@ -1,5 +1,4 @@
-// Dissociates particles: the first product replaces the particle; born_place assigns ids to second ones. See
-// dissociation.rs.
+// The first product replaces the particle; born_place assigns ids to second ones. See dissociation.rs.
 #include control
 #include params
 #include philox
@@ -16,7 +15,7 @@ struct DissociationRow {
     next: u32,
     // NOTHING if the species does not dissociate.
     tally: u32,
-    // 1 if products are anywhere within the unbinding radius, 0 at that distance.
+    // 1 for products anywhere within the unbinding radius, 0 at it.
     is_within: u32,
     unbinding: f32,
     first_fraction: f32,

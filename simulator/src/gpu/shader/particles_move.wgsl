@@ -1,4 +1,4 @@
-// A removed particle keeps its index until the end of the step, with a negative radius, which pairs with nothing.
+// A removed particle stays until the end of the step with a negative radius, which pairs with nothing.
 #include particles_move
 
 @compute @workgroup_size(256)

@@ -17,7 +17,7 @@ fn free_receptors(receptor: u32) -> u32 {
     return count - min(count, atomicLoad(&receptors[receptor].bound));
 }
 
-// Sums reactivities of free receptors; one more in row `bound`, for the detailed balance of unbinding.
+// Counts one more free receptor in row `bound`, for the detailed balance of unbinding.
 fn reactivity_of(event: EventRow, bound: u32) -> f32 {
     var sum = 0.0;
     for (var k = event.ligands_begin; k < event.ligands_end; k++) {
@@ -67,7 +67,7 @@ fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank
     atomicStore(&claims[at].is_taken, REQUESTED);
 }
 
-// Unbinds the particle to a height above its receptor, or moves it on the surface.
+// Unbinds the particle, or moves it on the surface.
 fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     let ligand = ligand_of_bound(bound);
     let event = event_rows[ligand];
@@ -89,7 +89,7 @@ fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     return vec4(position, kind.radius);
 }
 
-// Returns the original path for the first receiver that reflected it.
+// The first receiver reflected the original path.
 fn path_to(receiver: u32, path: Path, reflected: ReflectedPath) -> Path {
     if (reflected.first == receiver) {
         return path;

@@ -15,7 +15,7 @@
 @group(0) @binding(7) var<storage, read_write> candidates: array<Candidate>;
 @group(0) @binding(8) var<storage, read_write> left: array<u32>;
 
-// Particles that dissociate in this step do not exist when pairs react; see dissociation.rs.
+// Particles that dissociate do not exist when pairs react; see dissociation.rs.
 fn dissociates(first_row: ReactionRow, side: u32, tag: vec2<u32>) -> bool {
     if ((first_row.flags & (32u << side)) == 0u || (tag.x & SPARED) != 0u) {
         return false;
@@ -42,7 +42,7 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     let apart = dot(d, d);
     let own = vec2(tags[pair.x].y, tags[pair.y].y);
     let words = philox(vec4(min(own.x, own.y), max(own.x, own.y), control.step, PURPOSE_PAIR), params.key);
-    // The innermost shell of the pair, then its drawn reaction.
+    // The innermost shell, then its drawn reaction.
     for (var k = 0u; k < arrayLength(&reaction_rows); k++) {
         if (row == NOTHING) {
             break;
@@ -63,7 +63,7 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         return;
     }
     let rule = reaction_rows[row];
-    // The lower id of two equal reactants is the first, unless the order is drawn; see candidates.rs.
+    // The lower id of equal reactants is first, unless the order is drawn; see candidates.rs.
     let lower_first = (rule.flags & 128u) == 0u || (words.w & 1u) == 0u;
     let in_order = select(kinds.x == rule.first, (own.x < own.y) == lower_first, kinds.x == kinds.y);
     let slot = atomicAdd(&control.left[0], 1u);

@@ -1,4 +1,4 @@
-// Binds particles to free receptors: if too few, those with the lowest keys. One workgroup per type.
+// Binds particles to free receptors; if too few, those with the lowest keys. One workgroup per type.
 #include control
 #include candidate
 #include event_rows
@@ -17,7 +17,7 @@ const DIGITS: u32 = 8u;
 // Requests, free receptors, and the beginning of the type's list.
 var<workgroup> numbers: vec3<u32>;
 var<workgroup> digits: array<atomic<u32>, 256>;
-// Known digits of the threshold key, and the accepted requests with those digits.
+// Known digits of the threshold key, and accepted requests with them.
 var<workgroup> known: vec3<u32>;
 
 fn key_of(at: u32) -> vec2<u32> {

@@ -1,4 +1,4 @@
-// Moves particles by the mean displacement of their overlaps, unless that leads into a body.
+// Moves particles by the mean displacement, unless that leads into a body.
 #include control
 #include params
 #include boundary
@@ -26,8 +26,7 @@ fn value_of(low: u32, high: u32) -> f32 {
     return -(f32(~high + carry) * 0x1p32 + f32(~low + 1u));
 }
 
-// Returns true if a line leads from outside into a reflecting surface at the end of the step; see
-// reflecting_spheres.rs.
+// True for a line from outside into a surface at the end of the step; see reflecting_spheres.rs.
 fn enters_body(kind: SpeciesRow, before: vec3<f32>, to: vec3<f32>) -> bool {
     let by = minimum_image(to - before);
     let square = max(dot(by, by), 1e-37);

@@ -1,4 +1,4 @@
-// Sums displacements that separate overlaps, as integers; see contact.rs.
+// Sums displacements as integers; see contact.rs.
 #include control
 #include params
 #include philox

@@ -38,7 +38,7 @@ fn survivors_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     let at = output_index(k, count);
     let sum = running_sum(select(0u, 1u, survives(at, count)), local_index);
     if (at < count) {
-        // survivors_place writes tags in output order, so ids are copied before.
+        // survivors_place overwrites tags, so ids are copied.
         ids[k] = tags[at].y;
         if (params.logs_arrivals != 0u) {
             log_arrival(at);

@@ -1,4 +1,4 @@
-// Computes the first output index of each workgroup, then commits the step to the counts.
+// Computes each workgroup's first output index, then commits the step.
 #include control
 #include params
 #include running_sum
@@ -9,7 +9,7 @@
 @group(0) @binding(3) var<storage, read_write> log: array<vec2<u32>>;
 
 const MAX_ID: u32 = 0xfffffffeu;
-// Consecutive sums of a thread, so that the workgroup reads whole lines.
+// Sums of a thread, so that the workgroup reads whole lines.
 const ITEMS: u32 = 16u;
 
 var<workgroup> group_halted: u32;

@@ -1,4 +1,4 @@
-// Computes the end of a window and the displacement limit of its lists; see collisions/mod.rs.
+// See collisions/mod.rs.
 #include control
 #include params
 #include boundary

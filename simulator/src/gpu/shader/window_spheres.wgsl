@@ -13,7 +13,7 @@
 @group(0) @binding(5) var<storage, read> tags: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read_write> species: array<u32>;
 
-// Bounds the rounding of distances, as in receiver.rs.
+// See receiver.rs.
 fn rounding(point: vec3<f32>, distance: f32) -> f32 {
     return 4e-6 * (abs(point.x) + abs(point.y) + abs(point.z) + distance);
 }
@@ -31,7 +31,7 @@ fn window_spheres(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     inflated[at] = vec4(position, select(-1.0, radius + rounding(position, radius), mover.radius >= 0.0));
     next_events[at].happens = 1u;
     next_events[at].count = 0u;
-    // Further windows of the step read the same species.
+    // Further windows read the same species.
     if (window.now == 0.0) {
         species[at] = species_of(tags[at]);
     }

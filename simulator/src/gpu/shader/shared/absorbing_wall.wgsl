@@ -17,7 +17,7 @@ fn wall_height(face: u32, radius: f32, point: vec3<f32>) -> f32 {
     return params.high[axis] - radius - point[axis];
 }
 
-// Combines terms of the CPU's `f64` sum, so that none cancels in `f32`.
+// Combines terms of the CPU's `f64` sum, so that none cancels.
 fn hit_from_inside(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
     if (diffusion >= radius * radius) {
         return 1.0;
@@ -43,7 +43,7 @@ fn hit_from_inside(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
     return sum;
 }
 
-// Returns the nearest point of a plane wall; for a vessel, the point itself.
+// For a vessel, the point itself.
 fn foot_at(face: u32, radius: f32, point: vec3<f32>) -> vec3<f32> {
     var foot = point;
     if (face < SIDE) {
@@ -65,7 +65,7 @@ fn without_turns() -> PathTurns {
     return PathTurns(false, vec3(0.0), vec3(0.0), vec3(0.0));
 }
 
-// Extends the path beyond absorbing planes that it passes, for surfaces in front of them.
+// Extends the path beyond absorbing planes, for surfaces in front of them.
 fn aimed(kind: SpeciesRow, path: Path) -> Path {
     var end = path.end;
     var after = path.after;

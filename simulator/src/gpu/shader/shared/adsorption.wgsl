@@ -1,7 +1,7 @@
 // See adsorption.rs.
 #include erfcx
 
-// Larger multiples of sqrt(4 D dt) do not occur as heights.
+// In sqrt(4 D dt); larger heights do not occur.
 const FAR: f32 = 5.0;
 const TRIALS: u32 = 1000u;
 
@@ -95,7 +95,7 @@ fn height_after(surface: Surface, draws: ptr<function, Draws>) -> f32 {
     var height = 0.0;
     for (var trial = 0u; trial < TRIALS; trial++) {
         let far = sqrt(-ln(unit_of(draws)));
-        // At most a right angle: cosines of devices may be wrong in the fourth digit.
+        // At most a right angle: devices' cosines may be wrong in the fourth digit.
         let y = far * cos_sin(word_of(draws) >> 2u).x;
         let u = unit_of(draws);
         height = y * scale;

@@ -19,7 +19,7 @@ struct Claim {
 // The table begins with the first row of each ordered pair of species.
 struct ReactionRow {
     reaction: u32,
-    // Next rows if the draw does not select this one, and if the pair is farther apart than `within`, or NOTHING.
+    // The next row if the draw does not select this one, and if the pair is farther apart than `within`, or NOTHING.
     next: u32,
     next_shell: u32,
     // First reactant, or NOTHING if the species never react.
@@ -33,15 +33,15 @@ struct ReactionRow {
     radii: vec2<f32>,
     within: f32,
     unbinding: f32,
-    // First reactant's fraction of the distance to the meeting point, or the first species' of a separation without
-    // reactions. Then the first product's of `unbinding`.
+    // First reactant's fraction of the distance to the meeting point, or the first species' of a separation. Then the
+    // first product's of `unbinding`.
     first_fraction: f32,
     first_product_fraction: f32,
     speeds: vec2<f32>,
     thermal_speeds: vec2<f32>,
     product_speeds: vec2<f32>,
     product_thermal_speeds: vec2<f32>,
-    // The largest words at which species dissociate; for first rows only.
+    // Largest words at which species dissociate; first rows only.
     dissociation_thresholds: vec2<u32>,
 }
 

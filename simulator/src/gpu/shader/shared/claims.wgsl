@@ -1,4 +1,4 @@
-// A candidate wins with the best key (priority, lower id, higher id) at all particles that it claims.
+// A candidate with the best key (priority, lower id, higher id) at all its claims wins.
 fn is_free(candidate: Candidate, rule: ReactionRow) -> bool {
     for (var side = 0u; side < 2u; side++) {
         if (claims_it(rule, side) && atomicLoad(&claims[candidate.at[side]].is_taken) != 0u) {

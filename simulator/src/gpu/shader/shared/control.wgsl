@@ -1,4 +1,4 @@
-// The state of the run. The detector reads the particle count in the first word.
+// The detector reads the particle count in the first word.
 struct Control {
     count: u32,
     // At the beginning of the step, without bursts.
@@ -17,7 +17,7 @@ struct Control {
     // Needed capacity, or the number of non-finite particles.
     missing_lo: u32,
     missing_hi: u32,
-    // Largest number of surfaces near a particle, if above NEAR; requests, if above MAX_REQUESTS.
+    // Surfaces near a particle, if above NEAR; requests, if above MAX_REQUESTS.
     near_surfaces: atomic<u32>,
     requests: atomic<u32>,
     // Remaining matching candidates, in either list.
@@ -33,11 +33,11 @@ struct Control {
     // Log entries with this step's, and without.
     events: atomic<u32>,
     committed_events: u32,
-    // Second products of this step: output index, id, and log entry.
+    // Second products: output index, id, and log entry.
     born_at: u32,
     born_id: u32,
     born_event: u32,
-    // Collisions and separated overlaps, then those of the last finished step.
+    // Collisions and separated overlaps, now and in the last finished step.
     contacts: atomic<u32>,
     committed_contacts: u32,
     // This step's tallies, then all since the last readback.

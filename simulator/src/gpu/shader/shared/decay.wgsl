@@ -1,4 +1,4 @@
-// A particle after its own step. If removed, its radius is -1, or less to name the receiver that removed it.
+// If removed, the radius is -1, or less to name the receiver.
 struct Moved {
     sphere: vec4<f32>,
     species: u32,
@@ -49,7 +49,7 @@ fn minus_ln_of_rest(x: f32) -> f32 {
     return x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 3.0 + x * (1.0 / 4.0 + x * (1.0 / 5.0 + x * (1.0 / 6.0))))));
 }
 
-// Returns the time of a decay that happens within `left` steps; `rate` is per step.
+// The decay happens within `left` steps; `rate` is per step.
 fn decay_time(rate: f32, left: f32, word: u32) -> f32 {
     return min(minus_ln_of_rest(unit_32(word) * probability_within(rate * left)) / rate, left);
 }
@@ -108,7 +108,7 @@ fn arrive(moved: Moved, row: u32) -> Moved {
     return here;
 }
 
-// Returns a time in steps, from the beginning of the step or of the particle; 2 without a dissociation.
+// In steps from the beginning of the step or of the particle; 2 without a dissociation.
 fn dissociation_time(kind: SpeciesRow, id: u32) -> f32 {
     if (kind.dissociation_rate == 0.0) {
         return 2.0;

@@ -25,7 +25,7 @@ struct SpeciesRow {
     events_end: u32,
     // Bound of the distance of a path from its chord.
     bend: f32,
-    // Bound of the displacement of almost all particles.
+    // Bounds the displacement of almost all particles.
     search_distance: f32,
     // Index among species with lists of receivers, or NOTHING.
     cell_lists: u32,
@@ -39,7 +39,7 @@ struct SpeciesRow {
     dissociation_rate: f32,
     dissociation_threshold: u32,
     mobility: f32,
-    // Bits of the axes whose walls reflect paths with diffusion and drift.
+    // Bits of axes whose walls reflect diffusion with drift.
     drifts_at_wall: u32,
     // First row and number, of planes and of spheres.
     membrane_planes: vec2<u32>,
@@ -66,7 +66,7 @@ struct EventRow {
     unbinding: f32,
     // Fraction of the decay rate up to this channel.
     cumulative_fraction: f32,
-    // Rows of receptors that bind the species, each with receptor type and tally of occupied receptors.
+    // Rows of receptors that bind the species, each with type and tally of occupied receptors.
     ligands_begin: u32,
     ligands_end: u32,
     receptor: u32,

@@ -1,6 +1,6 @@
 // See collisions/rules.rs.
 
-// Returns a time after both clocks, or NEVER. The lower id is first.
+// A time after both clocks, or NEVER. The lower id is first.
 fn collision_time(a: Mover, b: Mover) -> f32 {
     let now = max(a.time, b.time);
     let d = displacement_at(a, b, now);
@@ -9,7 +9,7 @@ fn collision_time(a: Mover, b: Mover) -> f32 {
     let speed = dot(relative, relative);
     let square = dot(d, d);
     let touch = a.radius + b.radius;
-    // Rounding decides the sign of a grazing approach; without the threshold it could recur.
+    // Rounding decides the sign of a grazing approach, which could recur without a threshold.
     if (approach <= GRAZING * sqrt(speed * square)) {
         return NEVER;
     }

@@ -59,7 +59,7 @@ fn is_across_sphere(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool {
     return false;
 }
 
-// Returns the fraction of a displacement that reaches a surface, or a number above 1.
+// The fraction of a displacement that reaches a surface, or above 1.
 fn time_to_surface(radius: f32, is_within: bool, start: vec3<f32>, displacement: vec3<f32>) -> f32 {
     let a = dot(displacement, displacement);
     let b = dot(start, displacement);
@@ -131,7 +131,7 @@ fn is_on_right_sides(kind: SpeciesRow, point: vec3<f32>) -> bool {
     return true;
 }
 
-// Returns a displacement from the nearest surface to the right side, beyond rounding.
+// A displacement from the nearest surface to the right side, beyond rounding.
 fn nudge(kind: SpeciesRow, point: vec3<f32>) -> vec3<f32> {
     var nearest = 1e38;
     var found = vec3(0.0);
@@ -147,7 +147,7 @@ fn nudge(kind: SpeciesRow, point: vec3<f32>) -> vec3<f32> {
     return found;
 }
 
-// Returns the beginning if no near sphere is on the right sides.
+// The beginning if no near sphere is on the right sides.
 fn end_of(ray: Ray, start: Path, kind: SpeciesRow) -> Path {
     var point = ray.at;
     let unit = nudge(kind, ray.at);

@@ -80,7 +80,7 @@ struct HeldEnd {
     confined: f32,
 }
 
-// Returns the end of a substep with the standard deviation `spread`.
+// `spread` is the standard deviation.
 fn substep_end(kind: SpeciesRow, axis: u32, ends: vec2<f32>, spread: f32, id: u32, substep: u32) -> HeldEnd {
     var end = ends.y;
     var slab = slab_around(kind, axis, ends.x);
@@ -102,7 +102,7 @@ fn substep_end(kind: SpeciesRow, axis: u32, ends: vec2<f32>, spread: f32, id: u3
     return HeldEnd(end, select(mirrored_in(slab, after), after, params.axes[axis] == 2u));
 }
 
-// Returns true if a path reaches no plane with a probability above that of the smallest random number.
+// See gaps.rs.
 fn is_clear_of_planes(kind: SpeciesRow, axis: u32, ends: vec2<f32>) -> bool {
     for (var k = 0u; k < kind.membrane_planes.y; k++) {
         let plane = membrane_plane(kind.membrane_planes.x + k);
@@ -114,7 +114,7 @@ fn is_clear_of_planes(kind: SpeciesRow, axis: u32, ends: vec2<f32>) -> bool {
     return true;
 }
 
-// Takes the substeps of a Brownian bridge; see gaps.rs.
+// Takes substeps of a Brownian bridge.
 fn held_end(kind: SpeciesRow, axis: u32, ends: vec2<f32>, substeps: u32, id: u32) -> HeldEnd {
     if (substeps == 1u || is_clear_of_planes(kind, axis, ends)) {
         return substep_end(kind, axis, ends, kind.length, id, 0u);

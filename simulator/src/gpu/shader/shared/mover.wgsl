@@ -1,6 +1,6 @@
 // See collisions/mover.rs and rules.rs.
 struct Mover {
-    // Position at the beginning of the step; the displacement until `time` is apart, for precision.
+    // At the beginning of the step; the displacement until `time` is apart, for precision.
     base: vec3<f32>,
     id: u32,
     offset: vec3<f32>,
@@ -27,7 +27,7 @@ struct NextEvent {
 // Walls, by axis and side, then the vessel.
 const WALLS: u32 = 0x7ffffff0u;
 const VESSEL_WALL: u32 = 0x7ffffff6u;
-// A neighbor that overlaps and is passed through.
+// An overlapping neighbor, which is passed through.
 const PASSES: u32 = 0x80000000u;
 const NEVER: f32 = 3e38;
 const SLACK: f32 = 1.0 / 256.0;

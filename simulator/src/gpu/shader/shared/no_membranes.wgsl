@@ -1,4 +1,4 @@
-// Stubs that make kernels without membranes compile and run faster.
+// Stubs for kernels without membranes, which are faster.
 
 fn held_back(path: Path, kind: SpeciesRow, id: u32) -> Path {
     return path;

@@ -1,5 +1,4 @@
-// Paths that diffuse and drift past a receiver within a step: Brownian bridges; see path_hit.rs. Halves of segment k
-// are 2k and 2k + 1, visited in the order of time.
+// Brownian bridges; see path_hit.rs. Halves of segment k are 2k and 2k + 1, visited in the order of time.
 
 // Largest drift of a segment, in radii of the receiver and in the segment's sqrt(2 D dt).
 const SEGMENT_DRIFT = vec2<f32>(0.0625, 0.125);
@@ -17,7 +16,7 @@ fn power_of_half(k: u32) -> f32 {
     return bitcast<f32>((127u - k) << 23u);
 }
 
-// A path, or its segment between two corners at the side of a vessel.
+// A path, or a segment between corners at the side of a vessel.
 struct PathSegment {
     start: vec3<f32>,
     end: vec3<f32>,

@@ -1,7 +1,7 @@
 // See path_hit.rs.
 #include path
 
-// Returns a fraction of the displacement; above 1 without an entry.
+// A fraction of the displacement; above 1 without an entry.
 fn entry_time(start: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     let outside = dot(start, start) - radius * radius;
     let approach = -dot(start, displacement);
@@ -14,7 +14,7 @@ fn entry_time(start: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     return outside / (approach + sqrt(root));
 }
 
-// Returns the heights of a segment's ends, negative inside. In one dimension, a segment to the other side ends inside.
+// Heights are negative inside. In one dimension, a segment to the other side ends inside.
 fn heights_between(radius: f32, centers: mat2x3<f32>, ends: mat2x3<f32>) -> vec2<f32> {
     let a = signed_distance(radius, centers[0], ends[0]);
     let b = signed_distance(radius, centers[1], ends[1]);

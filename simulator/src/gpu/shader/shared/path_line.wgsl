@@ -1,9 +1,8 @@
-// Paths without diffusion past receivers: lines that walls reflect. See path_hit.rs.
+// Lines that walls reflect; see path_hit.rs.
 
-// Maximum segments of a line, between walls and changes of the receiver's nearest image; steps with more are far too
-// long.
+// Segments between walls and changes of the receiver's nearest image; steps with more are far too long.
 const LINE_SEGMENTS: u32 = 3000u;
-// Larger relative differences of two ends are not due to rounding.
+// Larger relative differences are not due to rounding.
 const TURNED: f32 = 1e-5;
 
 struct Line {
@@ -40,7 +39,7 @@ fn cut_times(cuts: Cuts) -> vec3<f32> {
     return select(times, vec3(2.0), cuts.speed == vec3(0.0));
 }
 
-// Returns a fraction of the step; above 1 without an entry.
+// A fraction of the step; above 1 without an entry.
 fn line_entry(event: EventRow, receiver: ReceiverRow, line: Line, radius: f32) -> f32 {
     let moved = line.fraction * receiver.displacement;
     let center = receiver.center + line.begin * receiver.displacement;
@@ -72,7 +71,7 @@ fn line_entry(event: EventRow, receiver: ReceiverRow, line: Line, radius: f32) -
     return 2.0;
 }
 
-// Returns a fraction of the displacement; above 1 without a reflection.
+// A fraction of the displacement; above 1 without a reflection.
 fn time_to_side(at: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     let distance = length(at);
     let a = dot(displacement, displacement);
@@ -88,7 +87,7 @@ fn time_to_side(at: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     return (root - b) / a;
 }
 
-// Returns true if only the vessel's wall reflects the path to `free_end`, across the vessel.
+// True if only the vessel's wall reflects the path to `free_end`, across the vessel.
 fn turns_at_side(path: Path, free_end: vec3<f32>, radius: f32) -> bool {
     if (params.vessel_axis == NO_VESSEL) {
         return false;

@@ -9,7 +9,7 @@ struct Receptors {
     tally: u32,
 }
 
-// A bound particle has its direction from the center as its position, and a radius of -2 minus its row in the table of
+// The position of a bound particle is its direction from the center, its radius -2 minus its row in the table of
 // events.
 const BOUND_RADIUS: f32 = -2.0;
 

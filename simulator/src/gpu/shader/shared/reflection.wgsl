@@ -10,8 +10,8 @@ struct Obstacle {
     receiver: u32,
 }
 
-// A reflected path: `after` is the confined end, `first` the first reflecting receiver or NOTHING, `contact` the first
-// contact, and `last` a step's displacement along the last segment.
+// `after` is the confined end, `first` the first receiver or NOTHING, `contact` the first contact, and `last` a step's
+// displacement along the last segment.
 struct ReflectedPath {
     end: vec3<f32>,
     after: vec3<f32>,
@@ -31,7 +31,7 @@ const ROUNDING_FACTOR: f32 = 1.00001;
 
 var<private> near: array<Obstacle, NEAR>;
 var<private> near_count: u32;
-// The path left the region of the listed spheres after all searches.
+// The path left the region of all searches.
 var<private> left_region: bool;
 
 fn add_obstacle(obstacle: Obstacle, search_distance: f32) {
@@ -45,8 +45,8 @@ fn add_obstacle(obstacle: Obstacle, search_distance: f32) {
     near_count++;
 }
 
-// Lists the spheres within `search_distance` of the path's beginning that do not contain it. In periodic space, the image nearest
-// to the path's end is another obstacle.
+// Lists the spheres within `search_distance` of the beginning that do not contain it. In periodic space, the image
+// nearest to the end is another obstacle.
 fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, search_distance: f32) {
     near_count = 0u;
     let near_receivers = receivers_near(kind, path.before, search_distance);
@@ -69,7 +69,7 @@ fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, search
     }
 }
 
-// Returns a number above 1 without a hit.
+// Above 1 without a hit.
 fn time_to_hit(obstacle: Obstacle, traveled: vec3<f32>, time: f32, displacement: vec3<f32>) -> f32 {
     let out = obstacle.offset + traveled - time * obstacle.displacement;
     let relative = displacement - obstacle.displacement;
@@ -84,7 +84,7 @@ fn time_to_hit(obstacle: Obstacle, traveled: vec3<f32>, time: f32, displacement:
     return c / (sqrt(root) - b);
 }
 
-// Returns NEAR if no obstacle contains the point at the end of the step.
+// NEAR if none contains the point at the end of the step.
 fn obstacle_at(point: vec3<f32>, count: u32) -> u32 {
     for (var j = 0u; j < count; j++) {
         let receiver = receiver_at(near[j].receiver, control.step);
@@ -95,8 +95,7 @@ fn obstacle_at(point: vec3<f32>, count: u32) -> u32 {
     return NEAR;
 }
 
-// Returns `after`, or `before` if walls or rounding moved `after` into a sphere. A sphere that covers both pushes the
-// particle out.
+// See reflection.rs.
 fn outside(before: vec3<f32>, after: vec3<f32>, radius: f32, count: u32) -> vec3<f32> {
     if (obstacle_at(after, count) == NEAR) {
         return after;

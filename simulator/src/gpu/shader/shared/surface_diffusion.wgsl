@@ -1,6 +1,6 @@
 // See surface_diffusion.rs.
 
-// Returns 1 minus the cosine of the angle.
+// 1 minus the cosine of the angle.
 fn gap_of(concentration: f32, word: u32) -> f32 {
     let rest = unit_32(~word);
     let fraction = rest * one_minus_exp(2.0 * concentration);

@@ -11,7 +11,7 @@ fn across(v: vec3<f32>) -> vec3<f32> {
 }
 
 const VESSEL_REFLECTIONS: u32 = 64u;
-// Fraction by which a point that rounding left outside moves towards the axis, doubled each time.
+// Fraction by which a point that rounding left outside moves inward, doubled each time.
 const SHRINK: f32 = 2e-7;
 const SHRINK_STEPS: u32 = 15u;
 
@@ -19,7 +19,7 @@ fn across_vessel(p: vec3<f32>) -> vec3<f32> {
     return across(p - params.vessel_center);
 }
 
-// Moves `p` to an offset across the vessel, at most `radius` from the axis.
+// Moves `p` to an offset, at most `radius` from the axis.
 fn placed_across(p: vec3<f32>, offset: vec3<f32>, radius: f32) -> vec3<f32> {
     var q = p;
     var shrink = 0.0;

@@ -5,7 +5,7 @@ struct Window {
     // Fractions of the step.
     now: f32,
     horizon: f32,
-    // Path length for which the lists suffice, the largest useful one, and the largest permitted speed.
+    // Path length of the lists, the largest useful one, and the largest permitted speed.
     allowance: f32,
     largest_allowance: f32,
     top_speed: f32,
