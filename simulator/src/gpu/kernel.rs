@@ -2,7 +2,7 @@ use lazygrid::gpu::Access;
 use lazygrid::gpu::Access::{Read, ReadWrite as Write, Uniform};
 use lazygrid::gpu::wgsl;
 
-/// Storage buffers per stage of a model with surfaces. Other models need eight, which every device has.
+/// Storage buffers per stage with surfaces. Other models need eight, which every device has.
 pub(super) const SURFACE_BUFFERS: u32 = 10;
 pub(super) const WORKGROUP_SIZE: u32 = 256;
 
@@ -138,58 +138,21 @@ kernels! {
     ];
 }
 
-const SHARED: &[(&str, &str)] = &[
-    ("absorbing_wall", include_str!("shader/shared/absorbing_wall.wgsl")),
-    ("adsorption", include_str!("shader/shared/adsorption.wgsl")),
-    ("apply_reaction", include_str!("shader/shared/apply_reaction.wgsl")),
-    ("born", include_str!("shader/shared/born.wgsl")),
-    ("boundary", include_str!("shader/shared/boundary.wgsl")),
-    ("candidate", include_str!("shader/shared/candidate.wgsl")),
-    ("chemotaxis", include_str!("shader/shared/chemotaxis.wgsl")),
-    ("claims", include_str!("shader/shared/claims.wgsl")),
-    ("collided", include_str!("shader/shared/collided.wgsl")),
-    ("compaction", include_str!("shader/shared/compaction.wgsl")),
-    ("control", include_str!("shader/shared/control.wgsl")),
-    ("decay", include_str!("shader/shared/decay.wgsl")),
-    ("erfcx", include_str!("shader/shared/erfcx.wgsl")),
-    ("event", include_str!("shader/shared/event.wgsl")),
-    ("event_rows", include_str!("shader/shared/event_rows.wgsl")),
-    ("events", include_str!("shader/shared/events.wgsl")),
-    ("first_passage", include_str!("shader/shared/first_passage.wgsl")),
-    ("flow_field", include_str!("shader/shared/flow_field.wgsl")),
-    ("gap", include_str!("shader/shared/gap.wgsl")),
-    ("matching_stage", include_str!("shader/shared/matching_stage.wgsl")),
-    ("membrane_spheres", include_str!("shader/shared/membrane_spheres.wgsl")),
-    ("membranes", include_str!("shader/shared/membranes.wgsl")),
-    ("mover", include_str!("shader/shared/mover.wgsl")),
-    ("near", include_str!("shader/shared/near.wgsl")),
-    ("no_membranes", include_str!("shader/shared/no_membranes.wgsl")),
-    ("normal", include_str!("shader/shared/normal.wgsl")),
-    ("output_order", include_str!("shader/shared/output_order.wgsl")),
-    ("params", include_str!("shader/shared/params.wgsl")),
-    ("particles_move", include_str!("shader/shared/particles_move.wgsl")),
-    ("path", include_str!("shader/shared/path.wgsl")),
-    ("hit", include_str!("shader/shared/hit.wgsl")),
-    ("path_bridge", include_str!("shader/shared/path_bridge.wgsl")),
-    ("path_hit", include_str!("shader/shared/path_hit.wgsl")),
-    ("path_line", include_str!("shader/shared/path_line.wgsl")),
-    ("philox", include_str!("shader/shared/philox.wgsl")),
-    ("push", include_str!("shader/shared/push.wgsl")),
-    ("receiver_cells", include_str!("shader/shared/receiver_cells.wgsl")),
-    ("receptor", include_str!("shader/shared/receptor.wgsl")),
-    ("reflection", include_str!("shader/shared/reflection.wgsl")),
-    ("round", include_str!("shader/shared/round.wgsl")),
-    ("running_sum", include_str!("shader/shared/running_sum.wgsl")),
-    ("short_paths", include_str!("shader/shared/short_paths.wgsl")),
-    ("surface_diffusion", include_str!("shader/shared/surface_diffusion.wgsl")),
-    ("tag", include_str!("shader/shared/tag.wgsl")),
-    ("unit_32", include_str!("shader/shared/unit_32.wgsl")),
-    ("velocity", include_str!("shader/shared/velocity.wgsl")),
-    ("velocity_index", include_str!("shader/shared/velocity_index.wgsl")),
-    ("vessel", include_str!("shader/shared/vessel.wgsl")),
-    ("wall", include_str!("shader/shared/wall.wgsl")),
-    ("window", include_str!("shader/shared/window.wgsl")),
-];
+macro_rules! shared {
+    ($($name:literal),* $(,)?) => {
+        &[$(($name, include_str!(concat!("shader/shared/", $name, ".wgsl")))),*]
+    };
+}
+
+const SHARED: &[(&str, &str)] = shared! {
+    "absorbing_wall", "adsorption", "apply_reaction", "born", "boundary", "candidate", "chemotaxis", "claims",
+    "collided", "compaction", "control", "decay", "erfcx", "event", "event_rows", "events", "first_passage",
+    "flow_field", "gap", "hit", "matching_stage", "membrane_spheres", "membranes", "mover", "near",
+    "no_membranes", "normal", "output_order", "params", "particles_move", "path", "path_bridge", "path_hit",
+    "path_line", "philox", "push", "receiver_cells", "receptor", "reflection", "round", "running_sum",
+    "short_paths", "surface_diffusion", "tag", "unit_32", "velocity", "velocity_index", "vessel", "wall",
+    "window",
+};
 
 /// Features whose absence makes kernels faster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

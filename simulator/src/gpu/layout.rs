@@ -1,4 +1,4 @@
-//! Rust twins of shader structures; their WGSL has the comments, and a test compares layouts.
+//! Rust twins of shader structures, which have the comments.
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -135,7 +135,7 @@ pub(super) struct TrajectoryHeader {
     pub(super) cells: ReceiverCellsHeader,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct ReceptorRow {
     pub(super) count: u32,

@@ -5,14 +5,14 @@ use crate::{Axis, Boundary, Model, Species};
 
 pub(super) type MembraneRow = [u32; 4];
 
-/// Largest number of spherical membranes of a species, as in `membrane_spheres.wgsl`.
+/// Largest number for a species, as in `membrane_spheres.wgsl`.
 pub(super) const MAX_SPHERES: usize = 100;
 
 /// Lowest bit of a membrane's index in the row of a plane, above the bits of the axis and of [`MAX_SUBSTEPS`].
 const MEMBRANE_SHIFT: u32 = 11;
 const _: () = assert!(MAX_SUBSTEPS << 2 < 1 << MEMBRANE_SHIFT);
 
-/// Rounding of a distance from a surface in single precision, in radii and in lengths of a periodic box.
+/// Rounding of a distance from a surface, in radii and in lengths of a periodic box.
 const ROUNDING: [f32; 2] = [1e-6, 2e-7];
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -54,7 +54,6 @@ impl MembraneRows {
         (self.planes.len(), self.spheres.len() / 2)
     }
 
-    /// Returns the largest number of substeps of a step.
     pub(super) fn max_substeps(&self) -> usize {
         self.planes.iter().map(|row| (row[3] % (1 << MEMBRANE_SHIFT)) >> 2).max().unwrap_or(0) as usize
     }

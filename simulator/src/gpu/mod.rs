@@ -1,7 +1,7 @@
 //! The simulation on the GPU. Particles stay on the device between readbacks.
 //!
-//! Random numbers, rules and the matching are those of the CPU; runs diverge only by rounding. A step that exceeds a
-//! capacity *halts* the run before it changes particles, and the host repeats it with more capacity
+//! Random numbers, rules and the matching are the CPU's; runs diverge only by rounding. A step that exceeds a capacity
+//! *halts* the run before it changes particles, and the host repeats it with more capacity
 //! (`docs/design/simulator.md`).
 
 mod chemotaxis;

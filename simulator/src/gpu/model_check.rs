@@ -5,7 +5,7 @@ use crate::{Axis, Error};
 
 /// At a mean of 16, the probability of more than `MAX_DECAYS` of `decay.wgsl` is below 10⁻¹⁷.
 const MAX_DECAY_RATE: f64 = 16.0;
-/// Maximum pairs of a receiver and a species that an arriving particle can name, as in `decay.wgsl`.
+/// Pairs of a receiver and a species that an arriving particle can name, as in `decay.wgsl`.
 const MAX_LOGGED_PAIRS: usize = (1 << 23) - 2;
 
 pub(super) fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &Decay)> {
@@ -49,7 +49,7 @@ pub(crate) fn check(model: &Model) -> Result<(), Error> {
     check_receivers(model)
 }
 
-/// Maximum receivers and species of a thread and step: software drivers end loops after 65,535 iterations.
+/// Receivers and species of a thread and step: software drivers end loops after 65,535 iterations.
 const MAX_SEEN: usize = 60_000;
 /// Surfaces make a thread visit receivers twice.
 const MAX_SEEN_REFLECTING: usize = 25_000;
@@ -79,14 +79,14 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     check_membranes(model, visits, max_seen - paths)
 }
 
-/// Maximum loop iterations per membrane in a step of 64 passages: per spherical one in periodic space and otherwise,
-/// and per plane.
+/// Loop iterations per membrane in a step of 64 passages: per spherical one in periodic space and otherwise, and per
+/// plane.
 const MEMBRANE_ITERATIONS: [usize; 3] = [660, 210, 8];
 
 /// Axes along which a step has substeps, each with two loops over planes.
 const AXES: usize = 3;
 
-/// For each of `visits` receivers, loops over planes and spheres find if a membrane separates it.
+/// Each visit of a receiver loops over planes and spheres.
 fn check_membranes(model: &Model, visits: usize, limit: usize) -> Result<(), Error> {
     let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));
     for (id, species) in model.species.iter().enumerate() {

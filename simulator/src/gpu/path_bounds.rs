@@ -1,12 +1,12 @@
 use crate::Axis;
 use crate::model::Model;
 use crate::model::receiver::{Receiver, ReceiverKind};
-use crate::motion::path_hit;
+use crate::motion::path_hit::{is_long, length};
 use crate::motion::propagate::Propagator;
 use crate::motion::species_step::SpeciesStep;
 use crate::motion::vessel_flow::{FlowStep, StepDrift, StepTime};
 
-/// Bounds of a species' displacement in a step apart from diffusion, in µm.
+/// Bounds of a species' displacement without diffusion in a step, in µm.
 struct PathBounds {
     radius: f32,
     /// Plug flow and drift.
@@ -19,17 +19,13 @@ struct PathBounds {
     diffusion: f32,
 }
 
-fn length(v: [f32; 3]) -> f32 {
-    v.iter().map(|c| c * c).sum::<f32>().sqrt()
-}
-
-/// In standard deviations; a component exceeds it once in 10⁹ draws.
+/// In standard deviations; `normals` returns at most 5.77.
 const MAX_THERMAL: f32 = 6.0;
 
 /// Bound of a path's distance from its drift, in √(2DΔt).
 const MAX_SPREADS: f32 = 4.0;
 /// Iterations in which a path passes a sphere once, at most 295 in 3500 bridges of all ratios of drift, diffusion and
-/// radius; all segments of `path_bridge.wgsl` and of `path_line.wgsl`.
+/// radius; all segments of `path_bridge.wgsl` and `path_line.wgsl`.
 const PASSAGE_ITERATIONS: usize = 400;
 const MAX_SEGMENTS: usize = 8191;
 const MAX_LINE_SEGMENTS: usize = 3000;
@@ -89,11 +85,13 @@ impl PathBounds {
         let has_corners = (0..3).any(|k| across(k) && (self.drift[k] != 0.0 || self.along(k, model) > 0.0));
         if diffusion > 0.0 {
             let moved = length(relative) + self.undirected_length();
+            if !is_long(moved, spread, receiver.radius) {
+                return 0;
+            }
             let narrow = vessel.filter(|_| has_corners).map_or(f32::INFINITY, |vessel| vessel.radius);
             let passages = 1 + images + (moved / narrow).min(MAX_LINE_SEGMENTS as f32) as usize;
             let corners = if has_corners { VESSEL_ITERATIONS } else { 0 };
-            let is_long = path_hit::is_long(moved, spread, receiver.radius);
-            return if is_long { corners + (PASSAGE_ITERATIONS * passages).min(MAX_SEGMENTS) } else { 0 };
+            return corners + (PASSAGE_ITERATIONS * passages).min(MAX_SEGMENTS);
         }
         if has_corners {
             return VESSEL_ITERATIONS + images.min(MAX_LINE_SEGMENTS);
@@ -127,8 +125,8 @@ impl PathBounds {
     }
 }
 
-/// Bounds the loop iterations of all hits of a path; 0 if no path drifts past a receiver within a step, and no line
-/// reaches one after a wall or at another image.
+/// Bounds the loop iterations of a path; 0 if none drifts past a receiver within a step, and no line reaches one after
+/// a wall or at another image.
 pub(super) fn long_path_iterations(model: &Model) -> usize {
     let steps = Propagator::new(model).steps;
     // Others count ends of steps only, or nothing.

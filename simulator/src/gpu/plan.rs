@@ -6,7 +6,7 @@ use super::layout::{
     BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, EVENT_BYTES, MOVER_BYTES, NEXT_EVENT_BYTES, PUSH_BYTES,
 };
 
-/// Options of a run on a device, without effect on results. Capacities and rounds grow on demand.
+/// Capacities and rounds grow on demand. No option affects results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuOptions {
     /// Initial capacity for pairs. Default: 2¹⁶.
@@ -17,7 +17,7 @@ pub struct GpuOptions {
     pub birth_capacity: u32,
     /// Initial capacity for arrivals between readbacks. Default: 2¹⁶.
     pub event_capacity: u32,
-    /// Maximum loop iterations of that workgroup's threads, up to 60,000. Default: 60,000.
+    /// Maximum loop iterations of that workgroup, up to 60,000. Default: 60,000.
     pub max_iterations: u32,
 }
 
@@ -107,7 +107,7 @@ pub(super) fn groups_for(items: u32, limits: &DeviceLimits) -> [u32; 2] {
     [groups.div_ceil(rows), rows]
 }
 
-/// Returns the steps in which no tally exceeds 32 bits, at `counts` per particle and step.
+/// Steps in which no tally exceeds 32 bits, at `counts` per particle and step.
 pub(super) fn steps_per_readback(particles: u32, counts: u32) -> u32 {
     (u32::MAX / particles.saturating_mul(counts).max(1)).clamp(1, LOG_ROWS)
 }

@@ -1,8 +1,8 @@
 //! Lists of the receivers that a particle may hit, by cell.
 //!
 //! The host searches cells, inflated by a particle's displacement in a step, and receivers, inflated by theirs while
-//! the lists are valid. Lists keep the order of receivers, so the result equals that of a loop over all. This loop
-//! serves longer displacements and species without lists.
+//! the lists are valid. Lists keep the order of receivers, so results equal those of a loop over all, which serves
+//! longer displacements and species without lists.
 
 use glam::{UVec3, Vec3};
 use lazygrid::Sphere;
@@ -17,7 +17,7 @@ pub(super) const MIN_LISTED_RECEIVERS: u32 = 4;
 const CELL_LIMITS: [usize; 2] = [8, 1 << 16];
 /// Capacity for entries, as a multiple of listed receivers.
 const ENTRIES_PER_RECEIVER: usize = 24;
-/// Particle steps per receiver at or above which building lists pays off.
+/// Particle steps per receiver from which lists pay off.
 const MIN_STEPS_PER_RECEIVER: u64 = 64;
 
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -62,8 +62,8 @@ impl ReceiverCellsBuilder {
         self.species_rows.iter().map(|kind| self.events_of(kind).len()).sum()
     }
 
-    /// Builds lists for receivers that stay within `displacements` of `centers`, and move by at most `max_displacement`
-    /// in a step. Returns no lists if numbers are too large for cells.
+    /// Builds lists for receivers that stay within `displacements` of `centers` and move by at most `max_displacement`
+    /// in a step. Returns none if numbers are too large for cells.
     pub(super) fn build(
         &mut self,
         centers: &[[f32; 3]],

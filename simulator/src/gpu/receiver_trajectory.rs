@@ -1,9 +1,11 @@
-//! Positions of receivers in the next steps, computed by the host because receivers move independently.
+//! Positions of receivers in the next steps. The host computes them, as receivers move independently.
 
 use super::layout::{ReceiverRow, TrajectoryHeader};
 use super::plan::LOG_ROWS;
+use crate::Receiver;
 use crate::model::Model;
-use crate::motion::receiver_state::{self, ReceiverMove};
+use crate::motion::path_hit::length;
+use crate::motion::receiver_state::{ReceiverMove, move_receivers};
 use crate::random::philox::Key;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -18,8 +20,12 @@ pub(super) struct ReceiverTrajectory {
 const TABLE_BYTES: u64 = 4 << 20;
 const ROW_BYTES: u64 = 32;
 
+pub(super) fn has_moving_receivers(model: &Model) -> bool {
+    model.receivers.iter().any(Receiver::moves)
+}
+
 pub(super) fn max_steps(model: &Model) -> u32 {
-    if !model.receivers.iter().any(crate::Receiver::moves) {
+    if !has_moving_receivers(model) {
         return LOG_ROWS;
     }
     let rows = TABLE_BYTES / (ROW_BYTES * model.receivers.len() as u64);
@@ -27,13 +33,12 @@ pub(super) fn max_steps(model: &Model) -> u32 {
 }
 
 pub(super) fn max_rows(model: &Model) -> usize {
-    let moves = model.receivers.iter().any(crate::Receiver::moves);
-    model.receivers.len() * if moves { max_steps(model) as usize + 1 } else { 1 }
+    model.receivers.len() * if has_moving_receivers(model) { max_steps(model) as usize + 1 } else { 1 }
 }
 
 impl ReceiverTrajectory {
     pub(super) fn new(model: &Model, key: Key, centers: &[[f32; 3]], first: u32, steps: u32) -> Self {
-        let moves = model.receivers.iter().any(crate::Receiver::moves);
+        let moves = has_moving_receivers(model);
         let stride = if moves { centers.len() as u32 } else { 0 };
         let mut trajectory = Self {
             head: TrajectoryHeader { first, stride, ..TrajectoryHeader::default() },
@@ -43,14 +48,13 @@ impl ReceiverTrajectory {
         };
         let mut current_centers = centers.to_vec();
         for step in first..first + if moves { steps } else { 0 } {
-            let receiver_moves = receiver_state::move_receivers(model, &current_centers, key, step);
+            let receiver_moves = move_receivers(model, &current_centers, key, step);
             for (&center, receiver_move) in current_centers.iter().zip(&receiver_moves) {
-                let displacement = receiver_move.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
-                trajectory.head.max_displacement = trajectory.head.max_displacement.max(displacement);
-                trajectory.rows.push(ReceiverRow {
-                    center: center.into(),
-                    displacement: receiver_move.displacement.into(),
-                });
+                let displacement = receiver_move.displacement;
+                trajectory.head.max_displacement = trajectory.head.max_displacement.max(length(displacement));
+                trajectory
+                    .rows
+                    .push(ReceiverRow { center: center.into(), displacement: displacement.into() });
             }
             let next = receiver_moves.iter().map(|receiver_move| receiver_move.center).collect();
             trajectory.centers.push(std::mem::replace(&mut current_centers, next));
@@ -62,7 +66,6 @@ impl ReceiverTrajectory {
         );
         trajectory.centers.push(current_centers);
         if moves {
-            let length = |d: [f32; 3]| d.iter().map(|c| c * c).sum::<f32>().sqrt();
             let largest = |(at, &begin): (usize, &[f32; 3])| {
                 let from = |centers: &Vec<[f32; 3]>| length(model.boundary.displacement(begin, centers[at]));
                 trajectory.centers.iter().map(from).fold(0.0, f32::max)

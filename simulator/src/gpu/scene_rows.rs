@@ -1,5 +1,4 @@
-//! One table of receivers, membranes, a flow field and lists of receivers: portable devices bind eight buffers in a
-//! stage.
+//! One table of receivers, membranes, a flow field and receiver lists: portable devices bind eight buffers in a stage.
 
 use std::sync::Arc;
 
@@ -60,13 +59,13 @@ impl SceneRows {
         params.flow_duration = params.time_step;
     }
 
-    /// Returns the offset of the lists of receivers, in bytes.
+    /// Returns the offset of receiver lists, in bytes.
     pub(super) fn cells_at(&self) -> u64 {
         let points = self.field.as_ref().map_or(0, |field| field.velocities().len());
         ROW_BYTES * (self.field_at() + points) as u64
     }
 
-    /// Creates the table with `words` reserved for lists of receivers.
+    /// Reserves `words` for receiver lists.
     pub(super) fn create(&self, gpu: &GpuDevice, words: usize) -> Result<wgpu::Buffer, Error> {
         let needed = self.cells_at() + 4 * words as u64;
         let limits = DeviceLimits::from_device(&gpu.device);

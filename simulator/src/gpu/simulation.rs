@@ -7,7 +7,7 @@ use super::ligand_rows::LigandRow;
 use super::model_check::check;
 use super::plan::{GpuOptions, MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grow, steps_per_readback};
 use super::receiver_cells::{ReceiverCells, ReceiverCellsBuilder};
-use super::receiver_trajectory::{ReceiverTrajectory, max_steps};
+use super::receiver_trajectory::{ReceiverTrajectory, has_moving_receivers, max_steps};
 use super::submissions::{MAX_WORK, Submissions};
 use super::tables::Tables;
 use crate::model::Model;
@@ -36,9 +36,7 @@ mod transfer;
 use readback::Readback;
 pub(crate) use shared_step::ReceptorRequests;
 
-/// A run on a GPU.
-///
-/// Its [`state`](Self::state) also resumes a [`Simulation`](crate::Simulation).
+/// A run on a GPU. Its [`state`](Self::state) also resumes a [`Simulation`](crate::Simulation).
 #[derive(Debug)]
 pub struct GpuSimulation {
     model: Model,
@@ -46,7 +44,7 @@ pub struct GpuSimulation {
     slice: RankSlice,
     partial_events: PartialEvents,
     tables: Tables,
-    /// Fraction of a step during which the flow of `tables` is on.
+    /// Fraction of a step with the flow of `tables`.
     flow_fraction: f64,
     ligands: Vec<LigandRow>,
     trajectory: ReceiverTrajectory,
@@ -110,7 +108,7 @@ impl GpuSimulation {
         Self::resume_slice(model, device, options, RankStart { seed, state, slice: RankSlice::WHOLE })
     }
 
-    /// Resumes a run that releases only the particles of `slice`, from a [`State::into_rank_state`].
+    /// Releases only the particles of `slice`, from a [`State::into_rank_state`].
     pub(crate) fn resume_slice(
         model: Model,
         device: GpuDevice,
@@ -143,9 +141,10 @@ impl GpuSimulation {
         };
         let mut detectors = Detectors::new(&buffers.gpu, &model, sizes)?;
         let steps = StepDispatches::new(&mut buffers, sizes, options.rounds, detectors.reserve(sizes)?)?;
-        let moves = model.receivers.iter().any(crate::Receiver::moves);
-        let receiver_cells =
-            if moves { ReceiverCells::default() } else { cells_builder.build(&state.centers, &[], 0.0)? };
+        let receiver_cells = match has_moving_receivers(&model) {
+            true => ReceiverCells::default(),
+            false => cells_builder.build(&state.centers, &[], 0.0)?,
+        };
         buffers.upload_cells(&receiver_cells)?;
         let mut simulation = Self {
             key,
@@ -207,17 +206,17 @@ impl GpuSimulation {
         &self.requests
     }
 
-    /// Returns the pairs found in each step of the last [`run`](Self::run).
+    /// Pairs in each step of the last [`run`](Self::run).
     pub fn pairs_by_step(&self) -> &[u64] {
         &self.pairs
     }
 
-    /// Returns the arrivals of the last [`run`](Self::run) by step and id, in a model that logs arrivals.
+    /// Arrivals of the last [`run`](Self::run) by step and id, in a model that logs them.
     pub fn arrivals(&self) -> &[Arrival] {
         &self.arrivals
     }
 
-    /// Returns the counts of each receiver by species: arrivals so far, or the number inside.
+    /// Counts by receiver and species: arrivals so far, or the number inside.
     pub fn received(&self) -> Vec<Vec<u64>> {
         let says = |(k, receiver): (usize, &crate::Receiver)| match receiver.kind {
             ReceiverKind::Transparent => {
@@ -302,7 +301,7 @@ impl GpuSimulation {
         result
     }
 
-    /// Returns an upper bound of the final number of particles.
+    /// Bounds the final number of particles.
     fn encode_steps(
         &mut self,
         submissions: &mut Submissions,

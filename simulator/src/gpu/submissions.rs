@@ -3,10 +3,9 @@ use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSpheres, wgpu};
 use super::device::{refused, with_error_scope};
 use crate::Error;
 
-/// Moved particles and pairs per submission: far below the limit of watchdogs.
+/// Moved particles and pairs per submission: far below a watchdog's limit.
 pub(super) const MAX_WORK: u64 = 1 << 24;
 
-/// Submits work in short command buffers.
 #[derive(Debug)]
 pub(super) struct Submissions {
     gpu: GpuDevice,

@@ -46,7 +46,7 @@ const REFLECTION_ITERATIONS: u32 = 60_000;
 const ITERATIONS_PER_SEARCH: u32 = 1_100;
 const BOUNCES: u32 = 64;
 
-/// Bounds the searches of a particle in a step: moving surfaces may push it out of the searched region. `paths` are the
+/// Bounds the searches of a particle in a step: moving surfaces may push it out of the searched region. `paths` are
 /// iterations of its hits.
 fn max_requeries(species_rows: &[SpeciesRow], paths: u32) -> u32 {
     let receivers = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
@@ -367,13 +367,13 @@ fn dissociation_rows(model: &Model, tallies: &Tallies) -> Vec<DissociationRow> {
         let channels = dissociation.channels(reactant as u32);
         for (k, &(threshold, ref channel)) in channels.iter().enumerate() {
             let next = if k + 1 < channels.len() { rows.len() as u32 + u32::from(k > 0) } else { NOTHING };
-            let products =
-                channel.products.map(|product| product.map(|product| (product.species, product.radius)));
+            let products = channel.products;
+            let speed_of = |species: u32| kind(species).speed as f32;
+            let thermal_speed_of = |species: u32| kind(species).thermal_speed as f32;
             let (is_within, unbinding) = match channel.unbinding {
                 Unbinding::Apart(radius) => (0, radius),
                 Unbinding::Within(radius) => (1, radius),
             };
-            let kinds = channel.products.map(|product| product.map(|product| kind(product.species)));
             let row = DissociationRow {
                 threshold,
                 next,
@@ -381,14 +381,14 @@ fn dissociation_rows(model: &Model, tallies: &Tallies) -> Vec<DissociationRow> {
                 is_within,
                 unbinding,
                 first_fraction: channel.first_fraction,
-                products: products.map(|product| product.map_or(NOTHING, |(species, _)| species)).into(),
-                radii: products.map(|product| product.map_or(0.0, |(_, radius)| radius)).into(),
-                product_speeds: kinds.map(|kind| kind.map_or(0.0, |kind| kind.speed as f32)).into(),
-                product_thermal_speeds: kinds
-                    .map(|kind| kind.map_or(0.0, |kind| kind.thermal_speed as f32))
+                products: products.map(|one| one.map_or(NOTHING, |one| one.species)).into(),
+                radii: products.map(|one| one.map_or(0.0, |one| one.radius)).into(),
+                product_speeds: products.map(|one| one.map_or(0.0, |one| speed_of(one.species))).into(),
+                product_thermal_speeds: products
+                    .map(|one| one.map_or(0.0, |one| thermal_speed_of(one.species)))
                     .into(),
-                speed: kind(reactant as u32).speed as f32,
-                thermal_speed: kind(reactant as u32).thermal_speed as f32,
+                speed: speed_of(reactant as u32),
+                thermal_speed: thermal_speed_of(reactant as u32),
             };
             match k {
                 0 => rows[reactant] = row,

@@ -1,5 +1,5 @@
-/// Indices of tallies: arrivals by receiver and species, decays, reactions, changes of occupied receptors by type,
-/// and for each type its requests and its refused requests.
+/// Indices of tallies: arrivals by receiver and species, decays, reactions, changes of occupied receptors by type, and
+/// each type's requests and refused requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tallies {
     pub(super) species: usize,

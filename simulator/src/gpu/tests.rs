@@ -115,7 +115,7 @@ fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
 }
 
 fn model() -> Model {
-    let species = |name: &str| Species { name: name.into(), mass: 1.0, ..Species::default() };
+    let species = |name: &str| Species { name: name.into(), ..Species::default() };
     let reaction = |reactants: [u32; 2], products| Reaction {
         name: format!("{reactants:?}"),
         reactants,
@@ -131,7 +131,6 @@ fn model() -> Model {
             reaction([0, 1], [Some(2), Some(1)]),
             reaction([1, 1], [Some(1), Some(2)]),
         ],
-        boundary: Boundary::default(),
         ..Model::default()
     }
 }

@@ -6,6 +6,7 @@ use crate::gpu::kernel as k;
 use crate::gpu::kernel::Kernel;
 use crate::gpu::plan::Sizes;
 use crate::gpu::submissions::{MAX_WORK, Submissions};
+use crate::motion::contact::PASSES;
 
 /// Empty if particles pass through each other.
 #[derive(Debug, Default)]
@@ -15,9 +16,6 @@ pub(super) struct CollisionStages {
     pub(super) window: Vec<Stage>,
     pub(super) land: Vec<Stage>,
 }
-
-/// Equal to that of `contact.rs`.
-const PASSES: u32 = 4;
 
 impl CollisionStages {
     pub(super) fn new(

@@ -91,7 +91,7 @@ impl GpuSimulation {
         self.arrivals.push(Arrival { receiver, species, id, step: step + 1, origin });
     }
 
-    /// Returns the arrivals since the release. Releases after the last step are not on the device yet.
+    /// Arrivals since the release. Releases after the last step are not on the device yet.
     fn record_release(
         &mut self,
         burst: Option<&Burst>,

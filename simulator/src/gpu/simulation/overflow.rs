@@ -16,30 +16,34 @@ const MAX_REQUESTS: u64 = 1 << 20;
 /// Equal to that of `neighbors_reserve.wgsl`.
 const MAX_NEIGHBORS: u64 = 50_000;
 const MAX_COLLISION_ROUNDS: u64 = 1 << 13;
+const MAX_PAIRS: u64 = 1 << 28;
+const SHORTER_STEP: &str = "shorten the time step, or choose the CPU";
+
+fn exceeded(what: &'static str, [needed, limit]: [u64; 2], remedy: &'static str) -> Error {
+    refused(lazygrid::Error::LimitExceeded { what, needed, limit, remedy })
+}
+
+fn check_limit(what: &'static str, [needed, limit]: [u64; 2], remedy: &'static str) -> Result<(), Error> {
+    if needed > limit { Err(exceeded(what, [needed, limit], remedy)) } else { Ok(()) }
+}
 
 impl GpuSimulation {
     pub(super) fn recover(&mut self, head: ControlHeader) -> Result<(), Error> {
         let step = self.step;
-        let failed = |source| Err(refused(source));
         let mut sizes = self.steps.sizes;
+        let needed = head.missing();
         match head.reason() {
             0 => return Ok(()),
             ControlHeader::PAIR_OVERFLOW => {
-                let limit = 1u64 << 28;
-                let needed = head.missing();
-                if needed > limit {
-                    let remedy = "make binding radii or bursts smaller, or choose the CPU";
-                    let what = "the number of pairs of a step";
-                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
-                }
+                let remedy = "make binding radii or bursts smaller, or choose the CPU";
+                check_limit("the number of pairs of a step", [needed, MAX_PAIRS], remedy)?;
                 sizes.pairs = (needed + needed / 4) as u32;
             }
             ControlHeader::ENTRY_OVERFLOW => {
                 self.cell_ratio *= 2.0;
                 if self.cell_ratio > GpuConfig::MAX_CELL_RATIO {
-                    let (needed, limit) = (head.missing(), self.steps.sizes.particles.into());
-                    let (what, remedy) = ("the number of (cell, particle) entries", "choose the CPU");
-                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
+                    let what = "the number of (cell, particle) entries";
+                    return Err(exceeded(what, [needed, sizes.particles.into()], "choose the CPU"));
                 }
                 for detector in self.detectors.all() {
                     detector.set_cell_ratio(self.cell_ratio).map_err(refused)?;
@@ -54,82 +58,58 @@ impl GpuSimulation {
             }
             ControlHeader::ROUNDS_LEFT => {
                 self.options.rounds = (2 * self.options.rounds).max(4);
-                let (needed, limit) = (self.options.rounds.into(), MAX_ROUNDS.into());
-                if needed > limit {
-                    let (what, remedy) = ("the rounds of a matching", "choose the CPU");
-                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
-                }
+                let rounds = [self.options.rounds.into(), MAX_ROUNDS.into()];
+                check_limit("the rounds of a matching", rounds, "choose the CPU")?;
             }
             ControlHeader::CANDIDATE_OVERFLOW => {
-                let (needed, limit) = (head.missing(), 1u64 << 28);
-                if needed > limit {
-                    let (what, remedy) =
-                        ("the candidates of collisions", "shorten the time step, or choose the CPU");
-                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
-                }
+                check_limit("the candidates of collisions", [needed, MAX_PAIRS], SHORTER_STEP)?;
                 sizes.near = (needed + needed / 4) as u32;
             }
             ControlHeader::TOO_FAST => sizes.speed_doublings += 1,
             ControlHeader::WINDOW_ROUNDS_LEFT | ControlHeader::WINDOWS_LEFT => {
                 let is_in_window = head.reason() == ControlHeader::WINDOW_ROUNDS_LEFT;
                 *(if is_in_window { &mut sizes.window_rounds } else { &mut sizes.windows }) *= 2;
-                let needed = u64::from(sizes.windows) * u64::from(sizes.window_rounds);
-                if needed > MAX_COLLISION_ROUNDS {
-                    let (what, limit) = ("the rounds of collisions in a step", MAX_COLLISION_ROUNDS);
-                    let remedy = "shorten the time step, or choose the CPU";
-                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
-                }
+                let rounds = u64::from(sizes.windows) * u64::from(sizes.window_rounds);
+                let what = "the rounds of collisions in a step";
+                check_limit(what, [rounds, MAX_COLLISION_ROUNDS], SHORTER_STEP)?;
             }
             ControlHeader::TOO_MANY_NEIGHBORS => {
-                let (what, remedy) =
-                    ("the particles near one that collides", "shorten the time step, or choose the CPU");
-                let (needed, limit) = (MAX_NEIGHBORS + 1, MAX_NEIGHBORS);
-                return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
+                let what = "the particles near one that collides";
+                return Err(exceeded(what, [MAX_NEIGHBORS + 1, MAX_NEIGHBORS], SHORTER_STEP));
             }
-            ControlHeader::TOO_MANY_SURFACES | ControlHeader::TOO_MANY_REQUESTS => {
-                let (what, limit) = match head.reason() {
-                    ControlHeader::TOO_MANY_SURFACES => {
-                        ("the number of surfaces within reach of a particle's step", NEAR)
-                    }
-                    _ => ("the number of requests for a receiver's receptors in a step", MAX_REQUESTS),
-                };
-                let (needed, remedy) = (head.missing(), "shorten the time step, or choose the CPU");
-                return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
+            ControlHeader::TOO_MANY_SURFACES => {
+                let what = "the number of surfaces within reach of a particle's step";
+                return Err(exceeded(what, [needed, NEAR], SHORTER_STEP));
+            }
+            ControlHeader::TOO_MANY_REQUESTS => {
+                let what = "the number of requests for a receiver's receptors in a step";
+                return Err(exceeded(what, [needed, MAX_REQUESTS], SHORTER_STEP));
             }
             ControlHeader::TOO_MANY_REQUERIES => {
                 let what = "the number of searches for moving surfaces near a particle in a step";
                 let limit = u64::from(self.buffers.max_requeries);
-                let remedy = "shorten the time step, or choose the CPU";
-                return failed(lazygrid::Error::LimitExceeded { what, needed: limit + 1, limit, remedy });
+                return Err(exceeded(what, [limit + 1, limit], SHORTER_STEP));
             }
             ControlHeader::BIRTH_OVERFLOW => {
-                let (needed, limit) = (head.missing(), MAX_BIRTHS.into());
-                if needed > limit {
-                    let what = "the number of particles that dissociate into two in a step";
-                    let remedy = "shorten the time step, or choose the CPU";
-                    return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
-                }
-                sizes.births = (needed + needed / 4).min(limit) as u32;
+                let what = "the number of particles that dissociate into two in a step";
+                check_limit(what, [needed, MAX_BIRTHS.into()], SHORTER_STEP)?;
+                sizes.births = (needed + needed / 4).min(MAX_BIRTHS.into()) as u32;
             }
-            ControlHeader::PARTICLE_OVERFLOW => sizes.particles = grow(head.missing() as u32),
+            ControlHeader::PARTICLE_OVERFLOW => sizes.particles = grow(needed as u32),
             ControlHeader::OUT_OF_IDS => {
-                return Err(Error::OutOfIds { released: u64::from(self.next_id) + head.missing() });
+                return Err(Error::OutOfIds { released: u64::from(self.next_id) + needed });
             }
-            // A readback empties the log, so only the arrivals of one step can overflow it.
+            // A readback empties the log, so only one step's arrivals can overflow it.
             ControlHeader::EVENT_OVERFLOW => {
-                sizes.events = sizes.events.max(grow(head.missing().min(u32::MAX.into()) as u32));
+                sizes.events = sizes.events.max(grow(needed.min(u32::MAX.into()) as u32));
             }
-            ControlHeader::NOT_FINITE => return Err(Error::NotFinite { step, particles: head.missing() }),
+            ControlHeader::NOT_FINITE => return Err(Error::NotFinite { step, particles: needed }),
             other => {
                 let reason = format!("the device halted for the unknown reason {other}");
-                return failed(lazygrid::Error::DeviceRejected { what: "a step", reason });
+                return Err(refused(lazygrid::Error::DeviceRejected { what: "a step", reason }));
             }
         }
-        log::info!(
-            "step {step}: repeated with more capacity (reason {}, {} needed)",
-            head.reason(),
-            head.missing()
-        );
+        log::info!("step {step}: repeated with more capacity (reason {}, {needed} needed)", head.reason());
         self.rebuild(sizes)?;
         let at = std::mem::offset_of!(ControlHeader, halted) as u64;
         let control = self.buffers.buffer("control");

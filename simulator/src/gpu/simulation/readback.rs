@@ -1,3 +1,5 @@
+use std::mem::offset_of;
+
 use lazygrid::gpu::wgpu;
 
 use super::events::Entry;
@@ -79,14 +81,13 @@ impl GpuSimulation {
         let zeros = vec![0u32; tallies];
         let queue = &self.buffers.gpu.queue;
         with_error_scope(&self.buffers.gpu, "counts", 0, || {
-            queue.write_buffer(control, std::mem::offset_of!(ControlHeader, logged) as u64, &[0; 4]);
-            queue.write_buffer(
-                control,
-                std::mem::offset_of!(ControlHeader, committed_events) as u64,
-                &[0; 4],
-            );
-            let next_id = self.next_id.to_le_bytes();
-            queue.write_buffer(control, std::mem::offset_of!(ControlHeader, next_id) as u64, &next_id);
+            for (at, word) in [
+                (offset_of!(ControlHeader, logged), 0),
+                (offset_of!(ControlHeader, committed_events), 0),
+                (offset_of!(ControlHeader, next_id), self.next_id),
+            ] {
+                queue.write_buffer(control, at as u64, &u32::to_le_bytes(word));
+            }
             let counts = (size_of::<ControlHeader>() + 4 * tallies) as u64;
             queue.write_buffer(control, counts, bytemuck::cast_slice(&zeros));
         })

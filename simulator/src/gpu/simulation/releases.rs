@@ -4,6 +4,7 @@ use crate::Error;
 use crate::gpu::device::filled;
 use crate::gpu::dispatches::{Groups, Stage};
 use crate::gpu::kernel as k;
+use crate::gpu::receiver_trajectory::has_moving_receivers;
 use crate::model::particles::Particles;
 use crate::motion::receiver_state::{ReceiverMove, move_receivers};
 use crate::release::ReleaseStep;
@@ -13,7 +14,7 @@ impl GpuSimulation {
     pub(super) fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
         let mut next_id = self.next_id;
         let mut bursts = Vec::new();
-        let moves = self.model.receivers.iter().any(crate::Receiver::moves);
+        let moves = has_moving_receivers(&self.model);
         let mut receiver_moves = ReceiverMove::at_rest(&self.centers);
         for step in self.step + 1..=self.step + steps {
             if moves {

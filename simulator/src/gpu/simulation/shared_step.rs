@@ -13,7 +13,7 @@ pub(crate) use requests::ReceptorRequests;
 
 /// A step whose second products have no ids yet.
 pub(crate) struct SharedStep {
-    /// Ascending ids of this rank's parents of second products.
+    /// This rank's parents of second products; ascending ids.
     pub(crate) parents: Vec<u32>,
     read: Readback,
     bursts: Vec<Burst>,
@@ -31,8 +31,8 @@ impl GpuSimulation {
         self.tables.dissociates()
     }
 
-    /// Does the rest of a step, after [`request_receptors`](Self::request_receptors). `accepted` counts this rank's
-    /// accepted requests by receptor type.
+    /// Continues after [`request_receptors`](Self::request_receptors). `accepted` counts this rank's accepted
+    /// requests by receptor type.
     ///
     /// # Errors
     /// See [`run`](Self::run).

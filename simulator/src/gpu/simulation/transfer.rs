@@ -29,7 +29,7 @@ impl GpuSimulation {
             false => vec![[0.0; 4]; spheres.len()],
         };
         let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[1]);
-        // The device's order depends on the scheduling of threads.
+        // The device's order depends on threads.
         let mut rows: Vec<_> = spheres.into_iter().zip(velocities).zip(tags).collect();
         rows.sort_unstable_by_key(|&(_, [_, id])| id);
         let (mut particles, mut bound) = (Particles::default(), Vec::new());

@@ -1,21 +1,18 @@
 //! Requests for the receptors of all ranks.
 //!
-//! Kernels accept as many of a rank's requests as receptors are free. Binding and unbinding depend on the occupied
-//! receptors of all ranks, which the host sets before the motion. Before the selection, it leaves as many free as this
-//! rank has accepted requests. Accepted requests have the lowest keys on all ranks, and so on this one.
+//! Kernels accept as many of a rank's requests as receptors are free. Binding and unbinding depend on all ranks'
+//! occupied receptors, which the host sets before the motion. Before the selection, it leaves as many free as this rank
+//! has accepted requests. These have the lowest keys on all ranks, and so on this one.
 
 use lazygrid::gpu::wgpu;
 
 use super::super::readback::Readback;
 use super::super::{Burst, GpuSimulation, error_at};
 use crate::Error;
-use crate::gpu::device::{encoded, read, with_error_scope};
+use crate::gpu::device::{read, with_error_scope};
 use crate::gpu::layout::{CLAIM_BYTES, ControlHeader, ReceptorRow};
 use crate::gpu::submissions::Submissions;
 use crate::motion::binding::BindingRequest;
-
-/// Words of a [`ReceptorRow`] on the device.
-const ROW_WORDS: usize = 5;
 
 pub(crate) struct ReceptorRequests {
     /// Indexed by type; counts of all ranks at the beginning of the step.
@@ -31,8 +28,7 @@ impl ReceptorRequests {
 }
 
 impl GpuSimulation {
-    /// Does the next step up to the requests; does nothing without receptors. `occupied` counts the receptors of all
-    /// ranks.
+    /// Does the next step up to the requests, or nothing without receptors. `occupied` counts all ranks' receptors.
     ///
     /// # Errors
     /// See [`run`](Self::run). The run is then at the beginning of the step.
@@ -78,18 +74,10 @@ impl GpuSimulation {
     ) -> Result<(ControlHeader, Vec<ReceptorRow>), Error> {
         let sources = [
             (self.buffers.buffer("control"), size_of::<ControlHeader>() as u64),
-            (self.buffers.buffer("receptors"), (4 * ROW_WORDS * self.tables.receptors.len()) as u64),
+            (self.buffers.buffer("receptors"), size_of_val(&self.tables.receptors[..]) as u64),
         ];
         let read = read(&self.buffers.gpu, encoder, &sources)?;
-        let words: Vec<[u32; ROW_WORDS]> = bytemuck::pod_collect_to_vec(&read[1]);
-        let row = |[count, bound, requests, first, tally]: [u32; ROW_WORDS]| ReceptorRow {
-            count,
-            bound,
-            requests,
-            first,
-            tally,
-        };
-        Ok((bytemuck::pod_read_unaligned(&read[0]), words.into_iter().map(row).collect()))
+        Ok((bytemuck::pod_read_unaligned(&read[0]), bytemuck::pod_collect_to_vec(&read[1])))
     }
 
     fn particles_of_step(&self) -> u32 {
@@ -143,9 +131,9 @@ impl GpuSimulation {
     }
 
     fn write_receptors(&self, rows: Vec<ReceptorRow>) -> Result<(), Error> {
-        let bytes = encoded(&rows);
         with_error_scope(&self.buffers.gpu, "receptors", 0, || {
-            self.buffers.gpu.queue.write_buffer(self.buffers.buffer("receptors"), 0, &bytes);
+            let bytes = bytemuck::cast_slice(&rows);
+            self.buffers.gpu.queue.write_buffer(self.buffers.buffer("receptors"), 0, bytes);
         })
     }
 }
