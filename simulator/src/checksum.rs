@@ -44,7 +44,7 @@ impl Digest {
     }
 }
 
-/// Digests after a buffer, because short writes are slow to digest.
+/// Needs a buffer in front of it: short writes are slow to digest.
 #[derive(Debug)]
 pub(crate) struct DigestWriter<W> {
     inner: W,
@@ -81,7 +81,7 @@ impl<W: Write> Write for DigestWriter<W> {
 mod tests {
     use super::*;
 
-    /// Checkpoints depend on the algorithm and its seed. Expected: `xxhsum -H64`.
+    /// Checkpoints depend on the algorithm. Expected: `xxhsum -H64`.
     #[test]
     fn checksum_of_known_text_is_xxh64() {
         assert_eq!(xxh64(b""), 0xef46_db37_51d8_e999);

@@ -4,7 +4,7 @@ use lazygrid_io::{AvailableMemory, lacking_memory};
 
 use crate::Error;
 
-/// Bytes that take less time to write than to ask the system for the available memory.
+/// Bytes that are written faster than the system tells the available memory.
 const MIN_CHECKED: u64 = 1 << 20;
 
 /// Refuses `what` if it needs more bytes than are available.

@@ -32,7 +32,7 @@ use std::f64::consts::PI;
 use crate::random::philox::Draws;
 use crate::special::{ROOT_PI, erfcx};
 
-/// Returns the reactivity of `free` receptors on a sphere, in µm/s.
+/// Reactivity of `free` receptors on a sphere, in µm/s.
 pub(crate) fn reactivity(binding_rate: f64, free: u32, radius: f64) -> f64 {
     binding_rate * f64::from(free) / (4.0 * PI * radius * radius)
 }
@@ -97,7 +97,7 @@ impl AdsorptionStep {
         }
     }
 
-    /// Draws a height after desorption, distributed as the heights before adsorption.
+    /// Draws a height, distributed as those before adsorption.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
         let max_density = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);

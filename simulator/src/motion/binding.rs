@@ -11,23 +11,22 @@ use crate::motion::adsorption::{AdsorptionStep, reactivity};
 use crate::motion::surface_events::Event;
 use crate::random::philox::{Draws, Purpose, StepKey};
 
-/// A particle that is bound to a receptor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Bound {
     pub id: u32,
     pub species: u32,
-    /// Index of the receiver in the model.
+    /// Index in the model.
     pub receiver: u32,
-    /// Index of the receptor type among those of all receivers.
+    /// Index among the receptor types of all receivers.
     pub receptor: u32,
-    /// Unit vector from the center of the receiver.
+    /// Unit vector from the receiver's center.
     pub direction: [f32; 3],
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UnboundParticle {
-    at: usize,
+    pub(crate) at: usize,
     /// Height above the receiver, in µm.
     height: f32,
 }
@@ -38,7 +37,7 @@ pub(crate) fn free_receptors(model: &Model, occupied: &[u64]) -> Vec<u32> {
     model.receptor_types().zip(occupied).map(one).collect()
 }
 
-/// Returns the step of a particle at a receiver, whose receptor types have `free` receptors.
+/// `free` returns the free receptors of a type.
 pub(crate) fn desorption(
     model: &Model,
     receiver: &Receiver,
@@ -65,7 +64,7 @@ pub(crate) fn leaving(
         let receiver = &model.receivers[held.receiver as usize];
         let first = first_types[held.receiver as usize];
         let ligand = receiver.receptor_types().get((held.receptor - first) as usize)?.ligand(held.species)?;
-        // Detailed balance: the reverse reaction sees one more free receptor.
+        // Detailed balance: the reverse reaction sees one more.
         let free_of = |kind: usize| {
             let index = first + kind as u32;
             free[index as usize].saturating_add(u32::from(index == held.receptor))
@@ -79,7 +78,7 @@ pub(crate) fn leaving(
     bound.iter().enumerate().filter_map(leaves).collect()
 }
 
-/// Returns the position after unbinding, unless it is across a membrane or walls leave no space.
+/// Returns `None` for a position across a membrane, or if walls leave no space.
 pub(crate) fn unbound_position(
     model: &Model,
     held: &Bound,
@@ -102,12 +101,6 @@ pub(crate) fn unbound_position(
     };
     let is_outside = signed_distance(receiver.radius, center, &domain, position) >= 0.0;
     (is_outside && !among_membranes.separates([position, center])).then_some(position)
-}
-
-impl UnboundParticle {
-    pub(crate) fn at(self) -> usize {
-        self.at
-    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
@@ -192,7 +185,7 @@ mod tests {
         };
         let model = Model {
             time_step: 0.01,
-            species: vec![Species { name: "A".into(), diffusion: 1.0, mass: 1.0, ..Species::default() }],
+            species: vec![Species { name: "A".into(), diffusion: 1.0, ..Species::default() }],
             transmitters: vec![transmitter],
             receivers: vec![receiver(-1.0), receiver(1.0)],
             boundary: Boundary::reflecting([-2.0; 3], [2.0; 3]),

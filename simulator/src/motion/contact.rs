@@ -2,8 +2,8 @@
 //!
 //! Species that react with each other are not separated: a reaction may need them closer than contact.
 //!
-//! In each of four passes, a particle moves by the mean of the displacements that would separate its overlaps, unless
-//! it would enter a reflecting receiver. Sums are integers, so the order of overlaps has no effect.
+//! In each of four passes, a particle moves by the mean displacement that would separate its overlaps, unless it would
+//! enter a reflecting receiver. Sums are integers, so their order has no effect.
 //!
 //! Overlaps below the rounding error of an `f32` distance remain and are not counted.
 
@@ -23,7 +23,6 @@ mod reflecting_spheres;
 
 use reflecting_spheres::{ReflectingSpheres, Shift};
 
-/// Separates the overlaps of a model.
 #[derive(Debug)]
 pub struct Contacts {
     separates: bool,
@@ -58,7 +57,6 @@ impl Contacts {
         }
     }
 
-    /// Returns `true` if the contact is [`Contact::Separate`].
     pub fn separate(&self) -> bool {
         self.separates
     }
@@ -67,7 +65,7 @@ impl Contacts {
         self.reflecting_spheres.set_centers(centers);
     }
 
-    /// Separates the overlaps among `pairs`, if both particles are `free`, and returns their number.
+    /// Separates the overlaps of `free` particles among `pairs`, and returns their number.
     pub fn resolve(
         &self,
         particles: &mut Particles,

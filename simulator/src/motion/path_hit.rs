@@ -15,8 +15,8 @@
 //!
 //! *Drift alone.* The path is a line that walls reflect.
 //!
-//! *Both.* A long drift may pass the sphere. So near the sphere the path is halved as a Brownian bridge, until a
-//! segment's drift is short compared with its diffusion or the sphere. All receivers see the same path.
+//! *Both.* A long drift may pass the sphere. So near it the path is halved as a Brownian bridge, until a segment's
+//! drift is short compared with its diffusion or the sphere. All receivers see the same path.
 //!
 //! *Moving receivers* are hit in their own frame, in which both diffusions bend the path.
 //!
@@ -26,12 +26,12 @@
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, signed_distance};
+use crate::model::vessel::dot;
 use crate::motion::receiver_state::ReceiverState;
 use crate::random::bridge::NEVER;
 use crate::random::gaussian::normals;
 use crate::random::philox::{DrawContext, Purpose, open_unit};
 
-/// The path of a particle in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
     /// In µm.
@@ -59,14 +59,14 @@ pub struct Hit {
     heights: [f32; 2],
 }
 
-/// Largest drift of a segment, as fractions of the receiver's radius and of the segment's √(2DΔt).
+/// Largest drift of a segment, in radii of the receiver and in the segment's √(2DΔt).
 const SEGMENT_DRIFT: [f32; 2] = [1.0 / 16.0, 1.0 / 8.0];
 /// Largest distance of a path from its chord, in √(2DΔt), which one path in 10⁸ exceeds.
 pub(crate) const BEND: f32 = 3.1;
-/// Number from which segments are not halved. The halves of segment `k` are 2k and 2k + 1, and the whole path is 1.
+/// Segments from this number are not halved. The whole path is 1, the halves of segment `k` are 2k and 2k + 1.
 const LAST: u32 = 1 << 12;
 
-/// Returns the hit of a path on a receiver. `domain` confines the particle's center.
+/// Returns the first hit. `domain` confines the particle's center.
 #[inline]
 pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, context: DrawContext) -> Option<Hit> {
     if receiver.receiver.kind == ReceiverKind::Endpoint {
@@ -108,7 +108,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, context: D
     })
 }
 
-/// Returns the corners and ends of a path to `to` that only the side of a vessel reflected; `None` for another path.
+/// Returns the corners and ends of a path to `to` that only the side of a vessel reflected, else `None`.
 fn corners(domain: &Boundary, path: &Path, to: [f32; 3]) -> Option<Vec<(f64, [f64; 3])>> {
     let vessel = domain.vessel?;
     // A path inside has no corner. A collision or a surface reflected a path with another end.
@@ -180,7 +180,7 @@ impl Hit {
         Self { begin: 0.0, fraction: 1.0, heights: [a, b].map(|height| height / spread) }
     }
 
-    /// Draws the time of the hit, as a fraction of the step.
+    /// Draws the time, as a fraction of the step.
     ///
     /// A Brownian path from height α to ±β first reaches a plane at s, where u = s/(1 − s) has the inverse Gaussian
     /// density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation (Michael, Schucany and Haas, *Generating
@@ -228,7 +228,7 @@ struct PathSegment {
 }
 
 impl PathSegment {
-    /// Returns the segment of a whole path between two corners.
+    /// Returns the segment between two corners.
     fn between(&self, [(begin, from), (end, to)]: [(f64, [f64; 3]); 2]) -> Self {
         let fraction = (end - begin) as f32;
         Self {
@@ -284,11 +284,12 @@ impl BrownianBridge<'_> {
     }
 }
 
+#[inline(always)]
 pub(crate) fn length(v: [f32; 3]) -> f32 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
-/// Largest number of cuts per axis. Steps that need more are far too long.
+/// Cuts per axis. Steps that need more are far too long.
 const CUTS: usize = 1000;
 
 fn path_line_hit(state: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
@@ -360,7 +361,6 @@ fn line_hit(state: &ReceiverState, domain: &Boundary, line: PathLine) -> Option<
 }
 
 fn entry_time(from: [f64; 3], displacement: [f64; 3], radius: f64) -> Option<f64> {
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let outside = dot(from, from) - radius * radius;
     if outside <= 0.0 {
         return Some(0.0);

@@ -23,7 +23,6 @@ use flight::FlightStart;
 
 pub use crate::motion::surface_events::Event;
 
-/// Constants of the independent part of a step.
 #[derive(Clone, Debug)]
 pub struct Propagator {
     pub(crate) steps: Vec<SpeciesStep>,
@@ -36,7 +35,7 @@ pub struct Propagator {
 }
 
 const CHUNK: usize = 4096;
-/// Bound of the relative rounding error of a path's length.
+/// Relative rounding error of a path's length.
 pub(crate) const PATH_ROUNDING: f32 = 1e-6;
 
 impl Propagator {
@@ -325,9 +324,9 @@ impl Propagator {
 
 struct MovedChunk {
     events: Vec<Event>,
-    /// Near receivers that are not yet known.
+    /// Their near receivers are not yet known.
     unsure: Vec<ParticleMove>,
-    /// Number of positions that are not finite.
+    /// Non-finite positions.
     lost: usize,
 }
 

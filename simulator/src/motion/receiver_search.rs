@@ -3,18 +3,17 @@
 //! Every particle has a clear sphere, in which the last search found no receiver, so a path inside it hits none. Other
 //! particles go to the detector as spheres that cover several steps. So most particles cost one distance per step.
 //!
-//! A clear sphere stays valid if another particle takes its index. The result equals a loop over all receivers bit for
-//! bit.
+//! A clear sphere stays valid if another particle takes its index. Results equal a loop over all receivers bit for bit.
 //!
-//! The loop takes over for some steps if most particles leave their clear spheres in every step.
+//! This loop takes over for some steps if most particles leave their clear spheres in every step.
 
 use lazygrid::{Detector, Neighbors, Sphere};
 
 use crate::Error;
 use crate::model::boundary::Boundary;
-use crate::model::receiver::{finder, rounding};
-use crate::motion::path_hit::Path;
-use crate::motion::receiver_state::ActiveReceivers;
+use crate::model::receiver::{finder, rounding, signed_distance};
+use crate::motion::path_hit::{Path, length};
+use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 
 /// A sphere around the middle of a path's ends, enlarged by `margin` for diffusion and approaching receivers.
 #[derive(Clone, Copy, Debug)]
@@ -28,12 +27,8 @@ impl StepBounds {
     #[inline(always)]
     pub(crate) fn new(path: &Path, margin: f32) -> Self {
         let displacement: [f32; 3] = std::array::from_fn(|k| path.end[k] - path.before[k]);
-        let half = 0.5
-            * (displacement[0] * displacement[0]
-                + displacement[1] * displacement[1]
-                + displacement[2] * displacement[2])
-                .sqrt();
-        Self { middle: std::array::from_fn(|k| path.before[k] + 0.5 * displacement[k]), half, margin }
+        let middle = std::array::from_fn(|k| path.before[k] + 0.5 * displacement[k]);
+        Self { middle, half: 0.5 * length(displacement), margin }
     }
 
     pub(crate) fn around_beginning(&self) -> f32 {
@@ -46,7 +41,7 @@ pub(crate) struct ReceiverSearch {
     detector: Detector,
     /// Center, and radius plus `traveled` at the search, by particle.
     pub(crate) clear_spheres: Vec<[f32; 4]>,
-    /// Sum of receivers' largest displacements since all clear spheres expired.
+    /// Sum of largest displacements of receivers since all clear spheres expired.
     pub(crate) traveled: f32,
     steps: u32,
     /// Radius of a search, relative to the bound of a step. Results do not depend on it.
@@ -65,7 +60,7 @@ struct SearchCost {
     pause: u32,
 }
 
-/// Steps over which costs are compared. At first no clear sphere is known, so a single step does not suffice.
+/// Steps over which costs are compared, several because no clear sphere is known at first.
 const COMPARED_STEPS: u32 = 16;
 /// Steps without searches after a window in which searches cost more.
 const STEPS_WITHOUT_SEARCH: u32 = 240;
@@ -112,9 +107,7 @@ impl ReceiverSearch {
         }
         self.clear_spheres.resize(particles, NO_CLEAR_SPHERE);
         if active_receivers.move_about() || self.receivers.is_empty() {
-            let sphere = |state: &crate::motion::receiver_state::ReceiverState| {
-                Sphere::new(state.center, state.receiver.radius)
-            };
+            let sphere = |state: &ReceiverState| Sphere::new(state.center, state.receiver.radius);
             self.receivers.clear();
             self.receivers.extend(active_receivers.all.iter().map(sphere));
         }
@@ -128,13 +121,11 @@ impl ReceiverSearch {
     #[inline(always)]
     pub(crate) fn is_clear(&self, index: usize, bounds: &StepBounds) -> bool {
         let [x, y, z, radius] = self.clear_spheres[index];
-        let d = [bounds.middle[0] - x, bounds.middle[1] - y, bounds.middle[2] - z];
-        let distance = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        let distance = length([bounds.middle[0] - x, bounds.middle[1] - y, bounds.middle[2] - z]);
         distance + bounds.half + bounds.margin <= radius - self.traveled
     }
 
-    /// Returns the receivers near each particle, in the order of the model. `particles` are beginnings of paths, and
-    /// bounds of their lengths.
+    /// Returns receivers in the order of the model. `particles` are beginnings of paths, and bounds of their lengths.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,
@@ -181,7 +172,7 @@ impl SearchCost {
     }
 }
 
-/// Returns a bound of the rounding of distances and of receiver displacements, in µm.
+/// Bounds the rounding of distances and of receiver displacements, in µm.
 fn slack(before: [f32; 3], radius: f32, active_receivers: &ActiveReceivers, traveled: f32) -> f32 {
     rounding(before, radius + active_receivers.largest + traveled)
 }
@@ -207,12 +198,7 @@ impl NearbyReceivers<'_> {
         let mut candidates = Vec::new();
         for &other in self.near.neighbors_of(k) {
             let state = &active_receivers.all[other as usize];
-            let gap = crate::model::receiver::signed_distance(
-                state.receiver.radius,
-                state.center,
-                boundary,
-                before,
-            ) - slack;
+            let gap = signed_distance(state.receiver.radius, state.center, boundary, before) - slack;
             clear = clear.min(gap);
             if gap <= search_radius {
                 candidates.push(other);

@@ -4,20 +4,20 @@ use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};
 use crate::motion::adsorption::reactivity;
+use crate::motion::path_hit::length;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
 
-/// A receiver in a step.
 #[derive(Clone, Debug)]
 pub struct ReceiverState {
     /// Index in the model.
     pub index: u32,
     pub receiver: Receiver,
-    /// Center at the beginning of the step, in µm.
+    /// At the beginning of the step, in µm.
     pub center: [f32; 3],
-    /// Displacement in the step, not wrapped, in µm.
+    /// In the step, not wrapped, in µm.
     pub displacement: [f32; 3],
-    /// Drift in the displacement, in µm.
+    /// Part of the displacement, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
@@ -50,14 +50,13 @@ impl ReceiverState {
         }
     }
 
-    /// Returns the center after a `fraction` of the step, not wrapped, in µm.
+    /// Returns the center after a `fraction` of the step, in µm, not wrapped.
     #[inline(always)]
     pub fn center_at(&self, fraction: f32) -> [f32; 3] {
         std::array::from_fn(|k| self.center[k] + fraction * self.displacement[k])
     }
 
-    /// Returns the radius of a sphere of equal curvature: the drift of the distance, 2D/r, is D/r on a disk and 0 on a
-    /// segment.
+    /// Radius of a sphere of equal curvature: the drift of the distance, 2D/r, is D/r on a disk and 0 on a segment.
     pub(crate) fn curved_radius(&self) -> f32 {
         match self.dimensions {
             1 => f32::INFINITY,
@@ -78,7 +77,7 @@ impl ReceiverState {
         }
     }
 
-    /// Returns `true` if the ends of a path in one dimension are on two sides of the center.
+    /// Returns `true` if the ends are on two sides of the center in one dimension.
     fn is_passed(&self, domain: &Boundary, ends: [[f32; 3]; 2], fractions: [f32; 2]) -> bool {
         let [from, to] = [0, 1].map(|k| domain.displacement(self.center_at(fractions[k]), ends[k])[0]);
         let period = domain.axes[0].period();
@@ -152,8 +151,7 @@ impl ActiveReceivers {
             let at = state.index as usize;
             state.center = centers[at];
             state.displacement = receiver_moves[at].displacement;
-            let displacement = state.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
-            self.max_displacement = self.max_displacement.max(displacement);
+            self.max_displacement = self.max_displacement.max(length(state.displacement));
             let first = state.first_type as usize;
             state.free.clear();
             state.free.extend_from_slice(&free[first..first + state.receiver.receptor_types().len()]);
@@ -175,7 +173,7 @@ impl ReceiverMove {
     }
 }
 
-/// Moves receivers by a step. Walls and membranes reflect their surfaces; receivers pass through each other.
+/// Walls and membranes reflect surfaces; receivers pass through each other.
 pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) -> Vec<ReceiverMove> {
     let one = |(at, (receiver, &center)): (usize, (&Receiver, &[f32; 3]))| {
         if !receiver.moves() {

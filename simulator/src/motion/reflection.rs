@@ -1,12 +1,12 @@
 //! Reflection of paths at surfaces of receivers.
 //!
-//! A particle moves along lines between reflections, each in the frame of the sphere. Such billiards conserve
-//! volumes, so a uniform density stays uniform at any step length.
+//! A particle moves along lines between reflections, each in the frame of the sphere. Such billiards conserve volumes,
+//! so a uniform density stays uniform at any step length.
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::signed_distance;
 use crate::model::vessel::dot;
-use crate::motion::path_hit::Path;
+use crate::motion::path_hit::{Path, length};
 use crate::motion::receiver_state::ReceiverState;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,7 +14,7 @@ pub(crate) struct ReflectedPath {
     pub(crate) path: Path,
     /// First reflecting receiver.
     pub(crate) first: u32,
-    /// Length of the path; moving spheres lengthen it.
+    /// Moving spheres lengthen it.
     pub(crate) path_length: f32,
     pub(crate) reflection: PathReflection,
 }
@@ -30,14 +30,14 @@ struct Obstacle<'a> {
     state: &'a ReceiverState,
     /// From the sphere's center to the beginning of the path.
     offset: [f64; 3],
-    /// Displacement of the sphere in the step, in µm.
+    /// In the step, in µm.
     displacement: [f64; 3],
 }
 
-/// Largest number of reflections in a step; a particle with more stays at the last.
+/// Reflections in a step; a particle with more stays at the last.
 const BOUNCES: usize = 64;
 
-/// Reflects a path that begins outside all spheres, and `velocity`, in µm per step. Returns `None` if it reaches none.
+/// Reflects a path that begins outside all spheres, and `velocity` in µm per step; `None` if it reaches none.
 pub(crate) fn reflect_path(
     receivers: &[&ReceiverState],
     domain: &Boundary,
@@ -116,7 +116,7 @@ impl Obstacle<'_> {
         std::array::from_fn(|k| self.offset[k] + traveled[k] - time * self.displacement[k])
     }
 
-    /// Returns the time from `time` to a hit.
+    /// Returns the time after `time`.
     fn meeting(&self, traveled: [f64; 3], time: f64, displacement: [f64; 3]) -> Option<f64> {
         let from = self.offset_at(traveled, time);
         let displacement: [f64; 3] = std::array::from_fn(|k| displacement[k] - self.displacement[k]);
@@ -148,8 +148,7 @@ fn outside(receivers: &[&ReceiverState], domain: &Boundary, before: [f32; 3], af
     let Some(state) = inside(before) else { return before };
     let center = state.center_at(1.0);
     let out = domain.displacement(center, before);
-    let length = (out[0] * out[0] + out[1] * out[1] + out[2] * out[2]).sqrt().max(f32::MIN_POSITIVE);
-    let factor = state.receiver.radius / length * (1.0 + 1e-5);
+    let factor = state.receiver.radius / length(out).max(f32::MIN_POSITIVE) * (1.0 + 1e-5);
     domain.confine(std::array::from_fn(|k| center[k] + factor * out[k]))
 }
 

@@ -1,14 +1,14 @@
 //! Counts of requests for receptors, and warnings.
 //!
 //! A step binds min(Poisson(f·x), f) particles to f free receptors, with x = `binding-rate`·c·Δt. Refused requests are
-//! missing from the equilibrium; at a single receptor they are about the fraction x/2.
+//! missing from the equilibrium; at a single receptor about the fraction x/2.
 
 use crate::model::Model;
 use crate::motion::binding::{BindingRequest, rejected};
 
 /// Largest fraction of refused requests without a warning.
 const MAX_REFUSED_FRACTION: f64 = 0.01;
-/// Smallest number of refused requests for which their fraction is known well enough.
+/// Refused requests from which their fraction is known well enough.
 const MIN_REFUSED_COUNT: u64 = 10;
 
 /// All and refused requests, by receptor type.
@@ -16,7 +16,7 @@ const MIN_REFUSED_COUNT: u64 = 10;
 pub(crate) struct RequestCounts(Vec<[u64; 2]>);
 
 impl RequestCounts {
-    /// Counts requests, and returns the refused ids in ascending order.
+    /// Returns the refused ids in ascending order.
     pub(crate) fn reject(&mut self, requests: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
         let mut of_step = vec![0_u64; free.len()];
         requests.iter().for_each(|request| of_step[request.receptor()] += 1);
@@ -72,7 +72,7 @@ pub(crate) mod tests {
         let shape = Shape::Box([4.0; 3]);
         Model {
             time_step,
-            species: vec![Species { name: "A".into(), diffusion: 20.0, mass: 1.0, ..Species::default() }],
+            species: vec![Species { name: "A".into(), diffusion: 20.0, ..Species::default() }],
             transmitters: vec![Transmitter { shape, release: vec![(0, 640)], ..Transmitter::default() }],
             receivers: vec![receiver],
             boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),

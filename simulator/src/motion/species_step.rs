@@ -49,7 +49,7 @@ impl SpeciesStep {
         }
     }
 
-    /// Returns a bound of the distance of a path from its chord, in µm.
+    /// Bounds the distance of a path from its chord, in µm.
     #[inline(always)]
     pub(crate) fn bend_of(&self, path: &Path) -> f32 {
         let Some(vessel) = self.domain.vessel else { return self.bend };
@@ -109,7 +109,7 @@ impl FreePaths {
             let mut still = [0.0; 3];
             let velocity = velocity.unwrap_or(&mut still);
             let carried = stream.carry(domain, [before, end], velocity, reflect_at_end);
-            // An array with a variable index would stay in memory instead of registers.
+            // A variable index would keep an array in memory instead of registers.
             let carry = |from: [f32; 3]| {
                 let along = |axis| {
                     if Some(axis) == stream.vessel.along { from[axis] + carried.by } else { from[axis] }

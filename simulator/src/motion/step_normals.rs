@@ -1,4 +1,4 @@
-//! Normal numbers for the motion of particles, in blocks that the compiler vectorizes.
+//! Normal numbers of particles, in blocks that the compiler vectorizes.
 
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, StepKey};

@@ -7,10 +7,10 @@ use crate::motion::reflection::{PathReflection, ReflectedPath, reflect_path};
 use crate::motion::wall::AbsorbingWall;
 use crate::random::philox::{DrawContext, Purpose, fine_unit};
 
-/// An event of the particle with index `at`.
+/// `at` is the particle's index.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
-    /// The particle reached a receiver that removes it.
+    /// A receiver removes the particle.
     Arrived { at: u32, receiver: u32 },
     /// The particle requests a receptor. If refused, it stays at the end of its path.
     Bound {
@@ -19,10 +19,10 @@ pub enum Event {
         receptor: u32,
         /// Unit vector from the receiver's center to the point of contact.
         direction: [f32; 3],
-        /// Rank among requests; the lowest comes first.
+        /// The lowest comes first.
         rank: u32,
     },
-    /// The particle decayed. If the product decayed too, that is the next event.
+    /// A decay of the product is the next event.
     Decayed {
         at: u32,
         decay: u32,
@@ -33,7 +33,7 @@ pub enum Event {
     },
 }
 
-/// The event at a hit, if the particle does not decay before.
+/// The event at a hit unless the particle decays before.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Capture {
     pub(crate) hit: Hit,
@@ -84,7 +84,7 @@ impl ParticleMove {
         self.reflection = None;
     }
 
-    /// Returns the distance from the beginning to the end without images, in µm.
+    /// Returns the distance of the ends without images, in µm.
     pub(crate) fn length(&self) -> f32 {
         let Path { before, end, .. } = self.path;
         length(std::array::from_fn(|k| end[k] - before[k]))
@@ -100,7 +100,7 @@ pub(crate) struct PathSurroundings<'a> {
 }
 
 impl ActiveReceivers {
-    /// Returns the capture at the first receiver that takes the particle. Reflecting receivers change the path.
+    /// Returns the first capture. Reflecting receivers change the path.
     #[inline]
     pub(crate) fn resolve<'a>(
         &self,
@@ -123,7 +123,6 @@ impl ActiveReceivers {
     }
 }
 
-/// The capture with the earliest hit so far.
 #[derive(Default)]
 pub(crate) struct FirstHit(pub(crate) Option<Capture>);
 
@@ -211,13 +210,13 @@ fn adsorb(
     let time = if a + b > 0.0 { a / (a + b) } else { 0.0 };
     let touching = std::array::from_fn(|k| path.before[k] + time * (path.end[k] - path.before[k]));
     let out = domain.displacement(state.center_at(time), touching);
-    let length = (out[0] * out[0] + out[1] * out[1] + out[2] * out[2]).sqrt();
-    let direction = if length > 0.0 { out.map(|c| c / length) } else { [1.0, 0.0, 0.0] };
+    let distance = length(out);
+    let direction = if distance > 0.0 { out.map(|c| c / distance) } else { [1.0, 0.0, 0.0] };
     let receptor = state.first_type + chosen_type(state, species, fine_unit(of_type) * reactivity);
     Some(Event::Bound { at, receiver, receptor, direction, rank })
 }
 
-/// Returns the type at which the running sum of reactivities passes `at`.
+/// Returns the type at which the sum of reactivities passes `at`.
 fn chosen_type(state: &ReceiverState, species: u32, mut at: f64) -> u32 {
     let mut last = 0;
     for (k, reactivity) in (0..).zip(state.reactivities(species)).filter(|&(_, reactivity)| reactivity > 0.0)

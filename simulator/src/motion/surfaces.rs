@@ -70,7 +70,7 @@ impl SpeciesSurfaces<'_> {
         let near_side = receivers.filter(|state| !self.separates(species, [after, state.center]));
         let surroundings = PathSurroundings { domain: &step.domain, duration: *duration, walls };
         let capture = active_receivers.resolve(moved, surroundings, near_side);
-        // Receivers that reflect are so far from membranes that they carry at most one step in 16 000 across one.
+        // Reflecting receivers are so far from membranes that they carry at most one step in 16 000 across one.
         if moved.reflection.is_some() && self.separates(species, [after, moved.path.after]) {
             moved.stay();
         }
@@ -82,7 +82,6 @@ impl SpeciesSurfaces<'_> {
         self.first_with_walls(moved, None)
     }
 
-    /// Returns the earlier of a capture at a receiver and those at walls.
     #[inline(always)]
     fn first_with_walls(&self, moved: &ParticleMove, capture: Option<Capture>) -> Option<Capture> {
         if self.surfaces.walls.is_empty() { capture } else { self.absorb_at_walls(moved, capture) }

@@ -34,7 +34,7 @@ impl TumbleStep {
         Some(Self { up_to, probability, speed: one.speed as f32, taxis })
     }
 
-    /// Decides if a swimmer tumbles, and then gives it a random direction.
+    /// Gives a swimmer that tumbles a random direction.
     pub(crate) fn apply(
         &self,
         position: [f32; 3],

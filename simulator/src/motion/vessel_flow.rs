@@ -47,9 +47,9 @@ impl StepDrift {
             _ => [0.0; 3],
         };
         let drift = std::array::from_fn(|k| ((kind.drift[k] + plug[k]) * time.duration) as f32);
-        // Walls mirror the lines of colliding particles. An end drawn otherwise could overlap one of them.
+        // Walls mirror lines of colliding particles; another end could overlap one of them.
         let is_exact = kind.diffusion > 0.0 && !kind.has_velocity() && !model.contact.collides();
-        // A wall that absorbs needs no reflection: surviving particles never touched it.
+        // An absorbing wall needs no reflection: survivors never touched it.
         let reflects = |k| {
             matches!(model.boundary.axes[k], Axis::Reflecting { .. })
                 && !model.receivers.iter().any(|receiver| receiver.is_across(k) && receiver.sees[species])
@@ -119,7 +119,7 @@ impl FlowStep {
             None => free_end,
         };
         let Some(along) = self.vessel.along else { return AdvectedPath { end, after: end, by: 0.0 } };
-        // Right to second order in the time step, because the flow does not change the path across the cylinder.
+        // Right to second order in the time step: the flow does not change the path across the cylinder.
         let profile = |p| 1.0 - (self.vessel.distance(p) / f64::from(self.vessel.radius)).powi(2);
         let by = (self.fastest * 0.5 * (profile(before) + profile(end))) as f32;
         end[along] = reflect_at_end([before[along], end[along] + by]);

@@ -12,15 +12,14 @@
 //!
 //! *Absorbing walls.* A path between heights `a` and `b` above a plane touched it with the probability exp(−ab/DΔt),
 //! for any step and drift. A cylinder is taken as its tangent plane, which is right for steps short compared with the
-//! radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: the probability is a sum
-//! over images.
+//! radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: a sum over images.
 //!
 //! *Surfaces in front of absorbing walls.* A reflecting plane unfolds the path into a free one, between the wall and
 //! its mirror image. The image is the wall as seen from the last segment, extended backwards to the length of the step.
 //! Both probabilities add up, unless a step reaches both. Spheres are taken as their tangent planes.
 //!
-//! *The time of absorption* follows from the heights of both ends as at a receiver (`Hit::time`), with any wall
-//! taken as a plane.
+//! *The time of absorption* follows from the heights of both ends as at a receiver (`Hit::time`), with the wall as a
+//! plane.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
@@ -32,7 +31,7 @@ use crate::motion::surface_events::ParticleMove;
 use crate::random::bridge::{NEVER, lowest};
 use crate::random::philox::{Purpose, open_unit};
 
-/// Returns the end's coordinate after reflection; `None` if the path touches no wall. `spread` is √(2DΔt).
+/// Returns the reflected coordinate; `None` if the path touches no wall. `spread` is √(2DΔt).
 #[inline]
 pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: u32) -> Option<f32> {
     let Axis::Reflecting { low, high } = axis else { return None };
@@ -62,15 +61,15 @@ impl AbsorbingWall {
 
     /// Returns `point` itself for a curved wall.
     pub(crate) fn foot_point(&self, domain: &Boundary, mut point: [f32; 3]) -> [f32; 3] {
-        let (WallFace::Low(axis) | WallFace::High(axis)) = self.face else { return point };
-        point[axis] -= match self.face {
-            WallFace::High(_) => -height(self.face, domain, point),
-            _ => height(self.face, domain, point),
-        };
+        match self.face {
+            WallFace::Low(axis) => point[axis] -= height(self.face, domain, point),
+            WallFace::High(axis) => point[axis] += height(self.face, domain, point),
+            WallFace::Side => {}
+        }
         point
     }
 
-    /// Returns a path that ends beyond the wall if the step does, for surfaces in front of it.
+    /// Ends a path beyond the wall if the step does, for surfaces in front of it.
     pub(crate) fn extend_to_wall(&self, domain: &Boundary, path: Path, free_end: [f32; 3]) -> Path {
         let Path { mut end, mut after, .. } = path;
         if let WallFace::Low(axis) | WallFace::High(axis) = self.face
@@ -124,10 +123,10 @@ fn touch_probability(domain: &Boundary, heights: [f32; 2], diffusion: f32) -> f3
     }
 }
 
-/// Number of images on each side, which suffices up to DΔt = R².
+/// Images on each side, enough up to DΔt = R².
 const IMAGES: i32 = 6;
 
-/// Returns the probability that a path between positive heights touches a sphere from inside.
+/// Probability that a path between positive heights touches a sphere from inside.
 pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) -> f32 {
     let [radius, diffusion] = [radius, diffusion].map(f64::from);
     if diffusion >= radius * radius {
@@ -180,6 +179,13 @@ mod tests {
         }
     }
 
+    #[track_caller]
+    fn assert_fraction(count: f64, n: u32, expected: f64) {
+        let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
+        let found = count / f64::from(n);
+        assert!((found - expected).abs() < 4.0 * error, "{found} and {expected}");
+    }
+
     #[test]
     fn absorbed_fraction_at_plane_matches_closed_form() {
         // From height a within one step: erfc(a/√(4DΔt)).
@@ -202,10 +208,7 @@ mod tests {
                 };
                 wall.hit(&domain, &free(path, context(id))).is_some()
             });
-            let expected = libm::erfc(f64::from(height) / 2.0_f64.sqrt());
-            let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
-            let found = hit_ids.count() as f64 / f64::from(n);
-            assert!((found - expected).abs() < 4.0 * error, "{height}: {found} and {expected}");
+            assert_fraction(hit_ids.count() as f64, n, libm::erfc(f64::from(height) / 2.0_f64.sqrt()));
         }
     }
 
@@ -229,10 +232,7 @@ mod tests {
                 let rate = (f64::from(n) * std::f64::consts::PI).powi(2) * f64::from(diffusion);
                 2.0 * (-rate).exp() * f64::from(1 - 2 * (n % 2))
             };
-            let expected = 1.0 + (1..30).map(mode).sum::<f64>();
-            let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
-            let found = hit_ids.count() as f64 / f64::from(n);
-            assert!((found - expected).abs() < 4.0 * error, "{diffusion}: {found} and {expected}");
+            assert_fraction(hit_ids.count() as f64, n, 1.0 + (1..30).map(mode).sum::<f64>());
         }
     }
 
@@ -270,12 +270,7 @@ mod tests {
                     let [a, mu, s, y] = [start, drift, spread, level].map(f64::from);
                     let expected =
                         normal((y - a - mu) / s) - (2.0 * mu * y / (s * s)).exp() * normal((-y - a - mu) / s);
-                    let error = (expected * (1.0 - expected) / f64::from(n)).sqrt();
-                    let found = f64::from(count) / f64::from(n);
-                    assert!(
-                        (found - expected).abs() < 4.0 * error,
-                        "{case}, {level}: {found} and {expected}"
-                    );
+                    assert_fraction(count.into(), n, expected);
                 }
             }
         }

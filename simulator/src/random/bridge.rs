@@ -3,11 +3,11 @@
 use super::gaussian::ln;
 use super::philox::open_unit;
 
-/// Exponent x at or above which the probability exp(−x) is below the smallest number of [`open_unit`].
+/// Exponent x at or above which exp(−x) is below the smallest number of [`open_unit`].
 pub(crate) const NEVER: f32 = 17.0;
 
-/// Returns the lowest point of a Brownian bridge from `a` to `b` if it is below 0. `spread` is √(2DΔt), and `word`
-/// returns random bits. `wall.wgsl` has the same operations.
+/// Returns the lowest point of a Brownian bridge if it is below 0. `spread` is √(2DΔt); `word` returns random bits.
+/// `wall.wgsl` has the same operations.
 #[inline]
 pub(crate) fn lowest([a, b]: [f32; 2], spread: f32, word: impl FnOnce() -> u32) -> Option<f32> {
     let square = spread * spread;

@@ -1,10 +1,11 @@
 //! Normally distributed numbers, by Box and Muller.
 //!
 //! All operations are correctly rounded and none is fused, so every processor and vector width gives the same bits.
-//! Sine and cosine are Cephes polynomials; the logarithm is a series of artanh. A device may round the WGSL version
-//! differently.
+//! Sine and cosine are Cephes polynomials; the logarithm is a series of artanh. The WGSL version may round differently.
 
-/// Returns three independent standard normal numbers.
+use crate::random::philox::open_unit;
+
+/// Returns independent standard normal numbers.
 #[inline(always)]
 pub fn normals(words: [u32; 4]) -> [f32; 3] {
     let [cosine, sine] = cos_sin(words[1]);
@@ -16,12 +17,12 @@ pub fn normals(words: [u32; 4]) -> [f32; 3] {
 /// Returns √(−2 ln u) for the uniform number u of a word; at most 5.77.
 #[inline(always)]
 fn rayleigh(word: u32) -> f32 {
-    (-2.0 * ln(crate::random::philox::open_unit(word))).sqrt()
+    (-2.0 * ln(open_unit(word))).sqrt()
 }
 
 const ROOT_HALF: u32 = 0x3f35_04f3;
 
-/// Returns the natural logarithm of a positive normal number, to three parts in 10⁷.
+/// Natural logarithm of a positive normal number, to three parts in 10⁷.
 #[inline(always)]
 pub(crate) fn ln(value: f32) -> f32 {
     let shifted = value.to_bits().wrapping_sub(ROOT_HALF);
@@ -33,7 +34,7 @@ pub(crate) fn ln(value: f32) -> f32 {
     exponent * std::f32::consts::LN_2 + s * series
 }
 
-/// Returns the cosine and sine of a random angle, the fraction `word`/2³² of a full circle.
+/// Cosine and sine of the angle `word`/2³² of a full circle.
 #[inline(always)]
 pub fn cos_sin(word: u32) -> [f32; 2] {
     let quarter = word.wrapping_add(0x2000_0000) >> 30;
@@ -54,7 +55,7 @@ pub fn cos_sin(word: u32) -> [f32; 2] {
 /// Returns a uniformly random unit vector.
 #[inline]
 pub fn direction(first: u32, second: u32) -> [f32; 3] {
-    let z = 2.0 * crate::random::philox::open_unit(first) - 1.0;
+    let z = 2.0 * open_unit(first) - 1.0;
     let across = (1.0 - z * z).max(0.0).sqrt();
     let [cosine, sine] = cos_sin(second);
     [across * cosine, across * sine, z]
@@ -69,7 +70,7 @@ mod tests {
     fn logarithm_and_angle_are_accurate() {
         for k in 0..200_000_u32 {
             let word = k.wrapping_mul(0x9e37_79b9).wrapping_add(k);
-            let u = crate::random::philox::open_unit(word);
+            let u = open_unit(word);
             let exact = libm::log(f64::from(u));
             assert!((f64::from(ln(u)) - exact).abs() <= 3e-7 * exact.abs(), "ln {u}");
             let [c, s] = cos_sin(word);

@@ -4,7 +4,7 @@
 
 use rand::TryRng;
 
-/// The use of a draw. Purposes share no random words.
+/// Purposes share no random words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
@@ -52,21 +52,19 @@ impl Key {
         self.0[0] as u64 | (self.0[1] as u64) << 32
     }
 
-    /// Returns four random words for particle `id`, and `other` or 0, at `step`.
+    /// Draws for particle `id`, and `other` or 0.
     #[inline(always)]
     pub fn draw(self, id: u32, other: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32], self.0)
     }
 
-    /// Returns four random words of a numbered part. Part 0 is [`draw`](Self::draw). Parts below 2²⁴ share no words
-    /// with other parts and purposes.
+    /// Part 0 is [`draw`](Self::draw). Parts below 2²⁴ share no words with other parts and purposes.
     #[inline(always)]
     pub(crate) fn draw_part(self, [id, other]: [u32; 2], part: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32 | part << 8], self.0)
     }
 }
 
-/// The key and the step of random draws.
 #[derive(Clone, Copy, Debug)]
 pub struct StepKey {
     pub key: Key,
@@ -81,7 +79,6 @@ impl StepKey {
     }
 }
 
-/// The particle and the step of random draws.
 #[derive(Clone, Copy, Debug)]
 pub struct DrawContext {
     pub key: Key,
@@ -174,19 +171,19 @@ fn multiply_wide(a: u32, b: u32) -> (u32, u32) {
     (product as u32, (product >> 32) as u32)
 }
 
-/// Returns one of 2²³ equally spaced numbers in (0, 1), symmetric around ½, exact in `f32`.
+/// One of 2²³ equally spaced numbers in (0, 1), symmetric around ½, exact in `f32`.
 #[inline(always)]
 pub fn open_unit(word: u32) -> f32 {
     ((word >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
 }
 
-/// Returns one of 2³² equally spaced numbers in (0, 1).
+/// One of 2³² equally spaced numbers in (0, 1).
 #[inline]
 pub(crate) fn fine_unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0
 }
 
-/// Returns the largest word at which an event of this probability, rounded to multiples of 2⁻³², happens; `None` for 0.
+/// Largest word at which an event of this probability, rounded to multiples of 2⁻³², happens; `None` for 0.
 pub fn probability_threshold(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0).round().min(4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)

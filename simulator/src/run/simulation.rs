@@ -251,10 +251,10 @@ impl Simulation {
         let with_velocity = model.has_velocity();
         // `swap_remove` fills a gap with a later entry, which was handled.
         for leaving in leaving.iter().rev() {
-            let held = state.bound[leaving.at()];
+            let held = state.bound[leaving.at];
             let center = state.centers[held.receiver as usize];
             let Some(position) = binding::unbound_position(model, &held, *leaving, center) else { continue };
-            let Bound { id, species, receiver, receptor, .. } = state.bound.swap_remove(leaving.at());
+            let Bound { id, species, receiver, receptor, .. } = state.bound.swap_remove(leaving.at);
             let kind = &model.species[species as usize];
             let velocity = model.own_velocity(species, key.draw(id, 2, state.step, Purpose::Velocity));
             let particle = Particle { position, velocity, radius: kind.radius, species, id };

@@ -1,17 +1,17 @@
-//! Exchange of particles in motion between the ranks of a run.
+//! Exchange of moving particles between ranks.
 
 use bytemuck::Pod;
 
 use super::mover::Mover;
 use crate::Error;
 
-/// Number of candidate pairs from a mover to the farthest one that its event depends on: its partner, a neighbor that
-/// may leave its path, and a third that may hit this neighbor.
+/// Candidate pairs from a mover to the farthest one that its event depends on: its partner, a neighbor that may leave
+/// its path, and a third that may hit this neighbor.
 pub(crate) const HOPS: u32 = 3;
 
-/// Exchange between ranks. Every method is collective.
+/// Every method is collective.
 pub(crate) trait Halo {
-    /// Error of the run, equal on all ranks.
+    /// Equal on all ranks.
     type Error;
 
     fn agree<T>(&self, result: Result<T, Error>) -> Result<T, Self::Error>;
@@ -19,15 +19,14 @@ pub(crate) trait Halo {
     /// Returns the values of all ranks. A value consists of 64-bit words.
     fn gather<T: Pod>(&mut self, value: T) -> Vec<T>;
 
-    /// Appends the ghosts: at least the movers of other ranks up to [`HOPS`] candidate pairs away. Surfaces of a
-    /// candidate pair are within twice the `allowance`.
+    /// Appends at least the movers of other ranks up to [`HOPS`] candidate pairs away. Surfaces of a candidate pair are
+    /// within twice the `allowance`.
     fn add_ghosts(&mut self, movers: &mut Vec<Mover>, allowance: f64) -> Result<(), Self::Error>;
 
-    /// Updates ghosts that their owners `changed`, and appends their indices.
+    /// Updates ghosts that their owners changed, and appends their indices to `changed`.
     fn refresh(&mut self, movers: &mut [Mover], changed: &mut Vec<u32>) -> Result<(), Self::Error>;
 }
 
-/// The halo of a run in one process.
 #[derive(Debug)]
 pub(crate) struct SingleProcess;
 

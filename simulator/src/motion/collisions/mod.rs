@@ -1,7 +1,7 @@
 //! Collisions of particles on their paths within a step.
 //!
-//! Particles move along lines until they collide, so a step of any length leaves no new overlap. The contact of the
-//! model sets the result:
+//! Particles move along lines until they collide, so a step of any length leaves no new overlap. The contact sets the
+//! result:
 //!
 //! - *Elastic*: the particles exchange momentum by their masses.
 //! - *Separate*: diffusion is a thermal velocity, drawn per step, of a particle with the mass 1/D. Such collisions
@@ -13,13 +13,13 @@
 //!
 //! 1. A step consists of windows. A window's candidate list holds every pair of species that may collide whose surfaces
 //!    are within twice an allowance. The window ends when its top speed, which no particle exceeds, has traveled the
-//!    allowance. So no other pair collides in it.
+//!    allowance, so no other pair collides.
 //! 2. If a collision exceeds the top speed, the window begins again with a higher one.
 //! 3. The events of a window happen in the order of times, then of ids (`rounds.rs`). A prediction uses only two
-//!    particles, and candidates are tried in the order of ids. So the order of particles and candidates has no effect,
-//!    nor have threads.
+//!    particles, and candidates are tried in the order of ids. So neither threads nor the order of particles have an
+//!    effect.
 //! 4. Ranks do the same rounds together. The safety of an event depends on movers up to three candidate pairs away.
-//!    With these ghosts, updated in every round, a rank decides on the events of its movers as one process does.
+//!    With these ghosts, updated in every round, a rank decides on its events as one process does.
 
 use bytemuck::{Pod, Zeroable};
 use lazygrid::{Detector, Interactions, Spheres};
@@ -73,15 +73,15 @@ struct Extent {
     high: [f64; 3],
 }
 
-/// Largest allowance: the larger of these fractions of the mean distance of neighbors and of the largest radius.
+/// Largest allowance: the larger of these fractions of the neighbors' mean distance and of the largest radius.
 const ALLOWANCE: [f64; 2] = [0.25, 0.25];
 /// Top speed of a window, relative to its fastest particle.
 const TOP_SPEED: f64 = 1.15;
 /// Largest mean number of collisions per particle and step.
 const MAX_COLLISIONS: u64 = 1000;
-/// Largest number of windows of a step at its top speed. Each is a search for candidates.
+/// Largest number of windows of a step at its top speed; each searches for candidates.
 const MAX_WINDOWS: u32 = 100_000;
-/// Number of collisions that a step may have in addition, for runs of few particles.
+/// Additional collisions of a step, for runs of few particles.
 const MIN_BUDGET: u64 = 1_000_000;
 
 impl Collisions {
@@ -97,7 +97,7 @@ impl Collisions {
         self.interactions.as_ref()
     }
 
-    /// Changes the flights, and returns the number of collisions on all ranks. Collective.
+    /// Changes the flights, and returns all ranks' collisions. Collective.
     ///
     /// # Errors
     /// [`Error::Step`] from the detector, [`Error::Collisions`] above [`MAX_COLLISIONS`], [`Error::LongPaths`] above

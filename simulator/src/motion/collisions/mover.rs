@@ -10,7 +10,7 @@ pub(crate) struct Flight {
     pub(crate) free_end: [f32; 3],
     /// After a tumble and before walls.
     pub(crate) tumbled_velocity: [f32; 3],
-    /// Velocity at the end, in µm/s.
+    /// At the end, in µm/s.
     pub(crate) velocity: [f32; 3],
 }
 
@@ -63,12 +63,11 @@ impl Mover {
         std::array::from_fn(|k| boundary.axes[k].displacement_exact(to[k] - from[k]))
     }
 
-    /// Returns the distance of the centers in contact.
     pub(crate) fn contact_distance(&self, other: &Self) -> f64 {
         f64::from(self.radius) + f64::from(other.radius)
     }
 
-    /// Returns a negative gap for an overlap.
+    /// Negative for an overlap.
     pub(crate) fn gap(&self, other: &Self, time: f64, boundary: &Boundary) -> f64 {
         length(self.displacement(other, time, boundary)) - self.contact_distance(other)
     }

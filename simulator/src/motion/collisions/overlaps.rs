@@ -2,8 +2,8 @@
 //!
 //! # Correctness
 //!
-//! 1. A pair changes two particles. It bounces after all earlier pairs of both, as in a sequential pass.
-//! 2. In each round, every particle is in one pair at most, so its owner and the ranks with a ghost of it agree.
+//! 1. A pair bounces after all earlier pairs of its particles, as in a sequential pass.
+//! 2. In each round, a particle is in one pair at most, so its owner and the ranks with a ghost of it agree.
 //! 3. The first remaining pair always bounces, so the rounds end.
 
 use rayon::prelude::*;
@@ -13,8 +13,8 @@ use super::mover::Mover;
 use super::rounds::Adjacency;
 use super::rules::Rules;
 
-/// Lets overlapping pairs bounce if they approach and cannot react. Returns the number of bounces on all ranks. The
-/// first `own_count` movers are this rank's.
+/// Lets overlapping pairs bounce if they approach and cannot react. Returns all ranks' bounces. The first `own_count`
+/// movers are this rank's.
 pub(super) fn bounce_overlaps<H: Halo>(
     rules: &Rules,
     movers: &mut [Mover],

@@ -7,8 +7,8 @@
 //!
 //! Let `T` be the earliest pending event, and `V` the top speed.
 //!
-//! 1. A particle leaves its predicted path at its next event, or when a particle that left its own path hits it.
-//!    Nothing leaves its path before `T`.
+//! 1. A particle leaves its predicted path at its next event, or when one that left its own path hits it. So none does
+//!    before `T`.
 //! 2. A particle that leaves its path at `s` or later cannot hit one that stays on its path, with the speed `v`, before
 //!    `s + g/(V + v)`. Their surface distance on the predicted paths, `g` at `s`, shrinks at `V + v` at most. If a
 //!    clock is beyond `s`, `g` is taken there: the path up to it is known.
@@ -16,8 +16,7 @@
 //!    the event is that of the order of times.
 //!
 //! The earliest event is always safe, so every round has one. In dense clusters distances vanish, and the parallelism
-//! with them. So distances are taken as larger by [`SLACK`] contact distances, and a third particle may hit late at
-//! that overlap.
+//! with them. So [`SLACK`] contact distances are added, and a third particle may hit late at that overlap.
 
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
@@ -41,7 +40,7 @@ pub(crate) struct Adjacency {
 pub(crate) struct Window<'a> {
     pub(crate) rules: &'a Rules,
     pub(crate) neighbors: &'a Adjacency,
-    /// Number of own movers, which precede the ghosts.
+    /// Own movers precede the ghosts.
     pub(crate) own_count: usize,
     /// Fraction of the step.
     pub(crate) horizon: f64,
@@ -311,7 +310,7 @@ impl Adjacency {
 
     /// Sorts candidates by id, so that the first that delays an event is always the same.
     pub(crate) fn sort_by_id(&mut self, movers: &[Mover]) {
-        // Movers are large: reading them in this order would miss caches.
+        // Reading large movers in this order would miss caches.
         let ids: Vec<u32> = movers.iter().map(|mover| mover.id).collect();
         for begins in self.begins.windows(2) {
             let neighbors = &mut self.neighbors[begins[0] as usize..begins[1] as usize];

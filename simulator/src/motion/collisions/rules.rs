@@ -64,7 +64,7 @@ impl Rules {
         })
     }
 
-    /// Returns `true` if a pair may react or overlaps. Its collisions are not detected.
+    /// Returns `true` if a pair may react or overlaps; its collisions are not detected.
     pub(crate) fn passes(&self, pair: [&Mover; 2]) -> bool {
         self.may_react(pair) || self.overlap(pair)
     }
@@ -80,7 +80,7 @@ impl Rules {
         -a.gap(b, a.time, &self.boundary) > f64::from(tolerance)
     }
 
-    /// Returns the collision after both clocks, if the particles approach.
+    /// Returns the collision after both clocks; `None` if the particles do not approach.
     pub(crate) fn predict(&self, movers: &[Mover], mut pair: [u32; 2]) -> Option<CollisionEvent> {
         if movers[pair[0] as usize].id > movers[pair[1] as usize].id {
             pair.reverse();
@@ -123,7 +123,7 @@ impl Rules {
         Some(CollisionEvent { time: time + after.max(0.0), ids: [mover.id, WALL], at: [at, WALL], wall })
     }
 
-    /// Returns the particles after the event, and the number of collisions. At a wall only the first is meaningful.
+    /// Returns the particles and the number of collisions. At a wall only the first particle is meaningful.
     pub(crate) fn outcome(&self, movers: &[Mover], event: &CollisionEvent) -> ([Mover; 2], u64) {
         let second = if event.at[1] == WALL { event.at[0] } else { event.at[1] };
         let mut pair = [event.at[0], second].map(|at| movers[at as usize]);
@@ -155,7 +155,7 @@ impl Rules {
         }
     }
 
-    /// Exchanges momentum, with the lower id first. Returns `false` if the particles do not approach.
+    /// The lower id is first. Returns `false` if the particles do not approach.
     pub(crate) fn collide(&self, [a, b]: &mut [Mover; 2]) -> bool {
         let d = a.displacement(b, a.time, &self.boundary);
         let mut mobilities = [a.species, b.species].map(|species| self.mobility[species as usize]);

@@ -1,4 +1,4 @@
-//! Bodies that particles must not enter.
+//! Reflecting receivers, which no separation may move a particle into.
 
 use lazygrid::{Sphere, Spheres};
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use crate::model::boundary::Boundary;
 use crate::model::receiver::{Receiver, finder, rounding, signed_distance};
 use crate::motion::path_hit::length;
 
-/// Reflecting receivers at the end of the step.
+/// At the end of the step.
 #[derive(Debug)]
 pub(super) struct ReflectingSpheres {
     all: Vec<ReflectingSphere>,
@@ -53,12 +53,12 @@ impl ReflectingSpheres {
         self.all.iter_mut().for_each(|sphere| sphere.center = centers[sphere.index]);
     }
 
-    /// Removes the shifts from outside into a sphere that sees the species.
+    /// Removes shifts from outside into a sphere that sees the species.
     pub(super) fn retain_outside(&self, shifts: &mut Vec<Shift>) {
         let candidates = match self.all.len() * shifts.len() {
             0 => return,
             1..=MAX_TESTS => None,
-            // The detector rejects non-finite coordinates, which are in no sphere; then all spheres are tested.
+            // Non-finite coordinates, which the detector rejects, are in no sphere; then all spheres are tested.
             _ => self.candidates(shifts).ok(),
         };
         let enters = |shift: &Shift, sphere: &ReflectingSphere| sphere.is_entered(shift, &self.boundary);

@@ -8,7 +8,7 @@ use crate::reaction::rate::binding_radius;
 use crate::{Reaction, ReactionRate, Receiver, ReceiverKind, Shape, Simulation, Species, State, Transmitter};
 
 fn model(radius: f32) -> Model {
-    let species = Species { name: "A".into(), radius, diffusion: 1.0, mass: 1.0, ..Species::default() };
+    let species = Species { name: "A".into(), radius, diffusion: 1.0, ..Species::default() };
     Model { species: vec![species], contact: Contact::Separate, time_step: 1.0, ..Model::default() }
 }
 
@@ -65,7 +65,7 @@ fn separation_ignores_the_order_of_pairs_and_particles() {
 }
 
 fn kind(name: &str, radius: f32) -> Species {
-    Species { name: name.into(), radius, diffusion: 1.0, mass: 1.0, ..Species::default() }
+    Species { name: name.into(), radius, diffusion: 1.0, ..Species::default() }
 }
 
 fn burst(shape: Shape, release: &[(u32, u32)]) -> Transmitter {

@@ -6,7 +6,7 @@ use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
 
 fn species(diffusion: f64) -> Species {
-    Species { name: "A".into(), diffusion, mass: 1.0, drift: [1.0, 0.0, 0.0], ..Species::default() }
+    Species { name: "A".into(), diffusion, drift: [1.0, 0.0, 0.0], ..Species::default() }
 }
 
 fn cloud(n: u32) -> Particles {
@@ -83,7 +83,7 @@ fn decays_share_their_probability() {
     }
 }
 
-/// Both walls are at the same distance, so half of the hits are on each.
+/// Both walls are equally far.
 #[test]
 fn first_of_two_walls_absorbs() {
     let wall = |axis| Receiver {

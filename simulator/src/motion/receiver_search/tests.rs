@@ -6,7 +6,7 @@ use crate::model::receiver::{Adsorption, Receiver, ReceiverKind};
 use crate::model::receptors::ReceptorType;
 use crate::model::vessel::Vessel;
 use crate::model::{Flow, Model, Species};
-use crate::motion::propagate::Propagator;
+use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_state::move_receivers;
 use crate::random::philox::{Key, StepKey, open_unit, philox};
 use crate::{Simulation, Transmitter};
@@ -43,7 +43,6 @@ fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
         name: name.into(),
         radius: 0.01,
         diffusion,
-        mass: 1.0,
         drift,
         thermal_speed,
         ..Species::default()
@@ -58,11 +57,7 @@ fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
     }
 }
 
-fn run(
-    model: &Model,
-    steps: u32,
-    searches: bool,
-) -> ((Vec<crate::motion::propagate::Event>, Particles), usize) {
+fn run(model: &Model, steps: u32, searches: bool) -> ((Vec<Event>, Particles), usize) {
     let mut motion = Propagator::new(model);
     let mut receiver_search =
         ReceiverSearch::new(&motion.surfaces.active_receivers, &model.boundary).unwrap().filter(|_| searches);
@@ -85,7 +80,7 @@ fn run(
         let events = motion
             .advance(&mut particles, receiver_search.as_mut(), None, StepKey { key: Key::new(3), step })
             .unwrap();
-        let mut removed: Vec<u32> = events.iter().map(crate::motion::propagate::Event::at).collect();
+        let mut removed: Vec<u32> = events.iter().map(Event::at).collect();
         particles.remove(&mut removed);
         centers = receiver_moves.iter().map(|receiver_move| receiver_move.center).collect();
         all.extend(events);
@@ -153,7 +148,7 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
     {
         let model = Model {
             time_step: 0.01,
-            species: vec![Species { name: "A".into(), radius: 0.01, mass: 1.0, ..Species::default() }],
+            species: vec![Species { name: "A".into(), radius: 0.01, ..Species::default() }],
             receivers: vec![
                 receiver_at(-0.51, ReceiverKind::Reflecting, 100.0),
                 receiver_at(2.1, kind.clone(), back),
@@ -200,7 +195,7 @@ fn receivers_by_the_side_of_a_vessel_are_found_without_diffusion() {
     let receiver = Receiver { center: [0.0, 4.0, 0.0], radius: 0.5, sees: vec![true], ..Receiver::default() };
     let model = Model {
         time_step: 0.1,
-        species: vec![Species { drift: [0.0, 99.0, 0.0], mass: 1.0, ..Species::default() }],
+        species: vec![Species { drift: [0.0, 99.0, 0.0], ..Species::default() }],
         receivers: vec![receiver],
         boundary: Boundary { vessel: Some(vessel), ..Boundary::default() },
         transmitters: vec![Transmitter { release: vec![(0, 5)], ..Transmitter::default() }],
