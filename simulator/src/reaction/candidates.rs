@@ -1,7 +1,7 @@
 //! Candidates of a step: pairs whose random draws select a reaction.
 //!
-//! Crowds have far more candidates than particles, so only the best are retained. The matching then samples the
-//! pairs of unconsumed particles again.
+//! Crowds have far more candidates than particles, so only the best are retained. The matching then samples unconsumed
+//! particles again.
 
 use lazygrid::Pair;
 use rayon::prelude::*;
@@ -12,7 +12,6 @@ use crate::random::philox::{DrawContext, Purpose, StepKey};
 use crate::reaction::matching::{Key, ReactionCandidate};
 use crate::reaction::{ReactionRule, Reactions, distance_squared};
 
-/// The pairs that the detector found in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct StepPairs<'a> {
     pub particles: &'a Particles,
@@ -36,8 +35,8 @@ const CANDIDATES_PER_PARTICLE: usize = 4;
 const MIN_CAPACITY: usize = 1 << 14;
 /// The matching stores indices of candidates in 32 bits, and needs two more numbers.
 const MAX_CAPACITY: usize = u32::MAX as usize - 1;
-/// Bit of the fourth random word of a pair for the order of equal reactants. The angle between products comes from that
-/// word, too, but ignores its lowest eight bits.
+/// Bit of a pair's fourth random word for the order of equal reactants. The angle between products uses that word
+/// without its lowest eight bits.
 const ORDER_BIT: u32 = 1;
 const CHUNK: usize = 4096;
 const PAIRS_PER_BLOCK: usize = 64 * CHUNK;
@@ -48,7 +47,7 @@ impl BestCandidates {
         Self { candidates: Vec::new(), capacity, bound: None }
     }
 
-    /// Adds candidates. If the capacity is exceeded, keeps the best half of the capacity.
+    /// Adds candidates. Above the capacity, keeps the best half of it.
     ///
     /// # Errors
     /// [`Error::OutOfCandidateMemory`] if the memory is refused.
@@ -76,7 +75,7 @@ impl BestCandidates {
 }
 
 impl Reactions {
-    /// Draws the reactions of pairs, and adds to `best` those that would consume no particle consumed already.
+    /// Adds to `best` the candidates that consume unconsumed particles only.
     ///
     /// # Errors
     /// See [`BestCandidates::extend`].
@@ -122,7 +121,7 @@ impl Reactions {
         };
         let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
         let candidate = |rule: &ReactionRule, priority, word| {
-            // Either of two equal reactants may be the first. An order by id would favor early releases.
+            // An order by id would favor early releases.
             let lower_first = !rule.draws_order || word & ORDER_BIT == 0;
             let in_order = if a == b { (particles.id[i] == ids[0]) == lower_first } else { a == rule.first };
             let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };

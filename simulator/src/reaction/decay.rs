@@ -1,16 +1,16 @@
 //! Decays of particles while they move.
 //!
-//! The first decay is drawn for the whole step, then its time, then a decay of the product in the rest. So chains are
-//! right at any step length.
+//! The first decay is drawn for the whole step, then its time, then a decay of the product in the rest: right at any
+//! step length.
 //!
-//! A product draws its dissociation for a whole step from its own beginning: the process has no memory. If the time is
-//! after the step, the product is *spared*.
+//! A product draws its dissociation for a whole step from its own beginning: the process has no memory. If it is after
+//! the step, the product is *spared*.
 //!
-//! A receiver or wall takes the species that exists at the hit (`CaptureOrder`), and no particle that dissociated
-//! before. Products of a dissociation appear at the end of the path.
+//! A receiver or wall takes the species that exists at the hit (`CaptureOrder`), and none that dissociated before.
+//! Products of a dissociation appear at the end of the path.
 //!
 //! Bimolecular reactions happen at the end of the step, without particles that dissociate in it. So a surface spares no
-//! particle that a reaction then consumes.
+//! particle that a reaction consumes.
 
 use crate::model::Model;
 use crate::model::probability::ReactionProbabilities;
@@ -51,7 +51,7 @@ impl DissociationTime {
         context.draw(0, Purpose::Dissociation)[0] <= self.up_to
     }
 
-    /// Returns steps from the beginning of the step or of the particle; `None` above one.
+    /// Steps from the beginning of the step or of the particle; `None` above one.
     fn draw(&self, context: DrawContext) -> Option<f64> {
         let word = || context.draw(1, Purpose::Dissociation)[0];
         self.is_within(context).then(|| decay_time(self.rate, 1.0, word()))
@@ -79,13 +79,12 @@ pub struct ChainedDecay {
 }
 
 impl ChainedDecay {
-    /// Returns the time left in the step after the decay.
+    /// Returns the time left in the step.
     pub(crate) fn time_left(&self) -> f64 {
         self.left - decay_time(self.rate, self.left, self.word)
     }
 }
 
-/// The order of a hit and the decays of a particle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CaptureOrder {
     /// `None` after a decay without products; `true` marks a product.
@@ -136,7 +135,7 @@ impl Decays {
         self.kinds.iter().all(|kind| kind.channels.is_empty())
     }
 
-    /// Returns the channels, which share 1 − exp(−ΣkΔt) in proportion to their rates k.
+    /// Channels share 1 − exp(−ΣkΔt) in proportion to their rates k.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(&self, species: u32) -> &[DecayChannel] {
         &self.kinds[species as usize].channels
@@ -170,7 +169,7 @@ impl Decays {
         dissociation.and_then(|time| time.draw(context)).is_some_and(|time| (time as f32) < hit())
     }
 
-    /// Returns the time left when the product dissociates, negative after the step; `None` if it does not within a
+    /// Time left at the product's dissociation, negative after the step; `None` if it does not dissociate within a
     /// whole step.
     fn left_at_dissociation(&self, decay: &ChainedDecay, context: DrawContext) -> Option<f64> {
         let dissociation = self.kinds[decay.product? as usize].dissociation?;
@@ -191,7 +190,7 @@ impl Decays {
         last.and_then(|decay| self.left_at_dissociation(decay, context)).is_some_and(|left| left > order.left)
     }
 
-    /// Calls `visit` with each decay of a particle in a step, in order.
+    /// Visits the decays of a step in order.
     #[inline]
     pub fn for_each_decay(&self, species: u32, context: DrawContext, mut visit: impl FnMut(ChainedDecay)) {
         let kind = &self.kinds[species as usize];
@@ -266,21 +265,35 @@ mod tests {
     use crate::model::{Decay, Species};
     use crate::random::philox::Key;
 
+    fn context(id: u32) -> DrawContext {
+        DrawContext { key: Key::new(5), id, step: 7 }
+    }
+
+    fn decay(reactant: u32, products: [Option<u32>; 2], rate: f64) -> Decay {
+        Decay { reactant, products, rate, ..Decay::default() }
+    }
+
+    fn decays(time_step: f64, species: usize, decays: Vec<Decay>) -> Decays {
+        let species = vec![Species::default(); species];
+        Decays::new(&Model { time_step, species, decays, ..Model::default() })
+    }
+
+    #[track_caller]
+    fn assert_fraction(count: u32, n: u32, p: f64) {
+        let (n, count) = (f64::from(n), f64::from(count));
+        let error = (count - n * p) / (n * p * (1.0 - p)).sqrt();
+        assert!(error.abs() < 4.0, "{count} and not {}: {error} standard errors", n * p);
+    }
+
     #[test]
     fn product_dissociates_in_the_rest_of_the_step() {
-        let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
-        let model = Model {
-            time_step: 0.5,
-            species: vec![Species { mass: 1.0, ..Species::default() }; 2],
-            decays: vec![decay(0, [Some(1), None], 4.0), decay(1, [Some(0), Some(0)], 6.0)],
-            ..Model::default()
-        };
-        let decays = Decays::new(&model);
+        let channels = vec![decay(0, [Some(1), None], 4.0), decay(1, [Some(0), Some(0)], 6.0)];
+        let decays = decays(0.5, 2, channels);
         let dissociation = decays.kinds[1].dissociation.expect("a species that dissociates");
         let n = 100_000;
         let [mut dissociated, mut before] = [0_u32; 2];
         for id in 0..n {
-            let context = DrawContext { key: Key::new(5), id, step: 7 };
+            let context = context(id);
             decays.for_each_decay(0, context, |decay| {
                 let is_spared = decays.spares_product(&decay, context);
                 dissociated += u32::from(dissociation.is_within(context) && !is_spared);
@@ -289,71 +302,42 @@ mod tests {
             });
         }
         let both = |fraction: f64| 1.0 - 3.0 * (-2.0 * fraction).exp() + 2.0 * (-3.0 * fraction).exp();
-        for (count, p) in [(dissociated, both(1.0)), (before, both(0.5))] {
-            let n = f64::from(n);
-            let error = (f64::from(count) - n * p) / (n * p * (1.0 - p)).sqrt();
-            assert!(error.abs() < 4.0, "{count} and not {}: {error} standard errors", n * p);
-        }
+        assert_fraction(dissociated, n, both(1.0));
+        assert_fraction(before, n, both(0.5));
     }
 
     #[test]
     fn chain_of_many_decays_ends_with_the_right_species() {
-        let decay = |reactant, product, rate| Decay {
-            reactant,
-            products: [Some(product), None],
-            rate,
-            ..Decay::default()
-        };
-        let decays = Decays::new(&Model {
-            time_step: 6.6e-4,
-            species: vec![Species { mass: 1.0, ..Species::default() }; 2],
-            decays: vec![decay(0, 1, 3e6), decay(1, 0, 1e6)],
-            ..Model::default()
-        });
+        let channels = vec![decay(0, [Some(1), None], 3e6), decay(1, [Some(0), None], 1e6)];
+        let decays = decays(6.6e-4, 2, channels);
         let n = 2000;
         let mut first = 0;
         for id in 0..n {
-            let context = DrawContext { key: Key::new(5), id, step: 7 };
             let mut species = Some(0);
-            decays.for_each_decay(0, context, |decay| species = decay.product);
+            decays.for_each_decay(0, context(id), |decay| species = decay.product);
             first += u32::from(species == Some(0));
         }
-        let (n, p) = (f64::from(n), 0.25);
-        let error = (f64::from(first) - n * p) / (n * p * (1.0 - p)).sqrt();
-        assert!(error.abs() < 4.0, "{first} and not {}", n * p);
+        assert_fraction(first, n, 0.25);
     }
 
     #[test]
     fn a_chain_is_right_however_long_the_step() {
-        let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
-        let model = Model {
-            time_step: 1.0,
-            species: vec![Species { mass: 1.0, ..Species::default() }; 3],
-            decays: vec![
-                decay(0, [Some(1), None], 2.0),
-                decay(1, [Some(2), None], 3.0),
-                decay(2, [Some(0), Some(0)], 9.0),
-            ],
-            ..Model::default()
-        };
-        let decays = Decays::new(&model);
+        let channels = vec![
+            decay(0, [Some(1), None], 2.0),
+            decay(1, [Some(2), None], 3.0),
+            decay(2, [Some(0), Some(0)], 9.0),
+        ];
+        let decays = decays(1.0, 3, channels);
         let n = 100_000;
         let mut counts = [0_u32; 2];
         for id in 0..n {
-            decays.for_each_decay(
-                0,
-                DrawContext { key: Key::new(5), id, step: 7 },
-                |ChainedDecay { decay, product, .. }| {
-                    assert_eq!(product, Some(decay + 1));
-                    counts[decay as usize] += 1;
-                },
-            );
+            decays.for_each_decay(0, context(id), |ChainedDecay { decay, product, .. }| {
+                assert_eq!(product, Some(decay + 1));
+                counts[decay as usize] += 1;
+            });
         }
         let [a, b] = [(-2.0_f64).exp(), (-3.0_f64).exp()];
-        for (count, p) in counts.into_iter().zip([1.0 - a, 1.0 - a - 2.0 * (a - b)]) {
-            let n = f64::from(n);
-            let error = (f64::from(count) - n * p) / (n * p * (1.0 - p)).sqrt();
-            assert!(error.abs() < 4.0, "{count} and not {}: {error} standard errors", n * p);
-        }
+        assert_fraction(counts[0], n, 1.0 - a);
+        assert_fraction(counts[1], n, 1.0 - a - 2.0 * (a - b));
     }
 }

@@ -1,7 +1,7 @@
 //! Dissociation of one particle into two: `C -> A + B`.
 //!
-//! Products are placed after the reactions of the step, and products of reactions do not dissociate in it. So each
-//! process can be the inverse of the other.
+//! Products are placed after the reactions of the step, whose products do not dissociate in it. So each process can be
+//! the inverse of the other.
 
 use rayon::prelude::*;
 
@@ -12,7 +12,6 @@ use crate::model::{Decay, Model, Unbinding};
 use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
 
-/// The decays of species that dissociate.
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
     /// Indexed by species.
@@ -39,20 +38,19 @@ pub(crate) struct Product {
     domain: Boundary,
 }
 
-/// A particle and the products of its dissociation, or of another decay of its species.
+/// A dissociation, or another decay of the species.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dissociated {
-    /// Index of the particle.
     pub at: u32,
     pub id: u32,
     /// Index in the model.
     pub decay: u32,
-    /// Species, radius and position of each product, in µm.
+    /// Species, radius and position, in µm.
     pub products: [Option<(u32, f32, [f32; 3])>; 2],
 }
 
 impl Dissociated {
-    /// Returns `true` if the decay has a second product, which needs a new id.
+    /// Returns `true` if there is a second product, which needs a new id.
     pub(crate) fn is_parent(&self) -> bool {
         self.products[1].is_some()
     }
@@ -60,7 +58,7 @@ impl Dissociated {
 
 const CHUNK: usize = 4096;
 
-/// Returns the decays of a species that dissociates, each with the largest random word at which it happens.
+/// Returns decays, each with the largest random word at which it happens.
 pub(crate) fn channel_words(model: &Model, species: u32) -> Vec<(u32, usize)> {
     if !model.dissociates(species) {
         return Vec::new();
@@ -108,7 +106,7 @@ impl Dissociation {
         &self.channels[species as usize]
     }
 
-    /// Returns the dissociations of a step, in the order of particles, except of the ascending ids `spared`.
+    /// Dissociations in the order of particles, without the ascending ids `spared`.
     pub fn splits(&self, particles: &Particles, spared: &[u32], key: Key, step: u32) -> Vec<Dissociated> {
         if !self.any {
             return Vec::new();
@@ -159,7 +157,7 @@ mod tests {
     use crate::model::particles::Particle;
 
     fn model(unbinding: Unbinding) -> Model {
-        let species = |diffusion, radius| Species { diffusion, radius, mass: 1.0, ..Species::default() };
+        let species = |diffusion, radius| Species { diffusion, radius, ..Species::default() };
         let decay = |products, rate| Decay { reactant: 2, products, unbinding, rate, ..Decay::default() };
         Model {
             time_step: 0.1,

@@ -1,8 +1,8 @@
-//! Matching: chooses reactions among candidate pairs that share particles.
+//! Choice of reactions among pairs that share particles.
 //!
 //! Keys are totally ordered. Each round takes the candidates that are best at all particles they consume. The result is
-//! that of a sequential pass by key, for any order of the candidates (Blelloch, Fineman and Shun, *Greedy sequential
-//! maximal independent set and matching are parallel on average*, SPAA 2012).
+//! that of a sequential pass by key (Blelloch, Fineman and Shun, *Greedy sequential maximal independent set and
+//! matching are parallel on average*, SPAA 2012).
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -14,11 +14,11 @@ use crate::reaction::candidates::BestCandidates;
 /// A reaction that two particles may undergo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReactionCandidate {
-    /// Indices of the particles, in the order of the reaction's reactants.
+    /// In the order of the reaction's reactants.
     pub at: [u32; 2],
-    /// `true` for each particle that is consumed; at least one.
+    /// At least one is `true`.
     pub consumes: [bool; 2],
-    /// Index of the reaction in the model.
+    /// Index in the model.
     pub rule: u32,
     /// Random; the lowest wins.
     pub priority: u32,
@@ -26,7 +26,7 @@ pub struct ReactionCandidate {
     pub ids: [u32; 2],
 }
 
-/// Priority and ids. The lowest key is the best.
+/// The lowest is the best.
 pub(crate) type Key = (u32, [u32; 2]);
 
 impl ReactionCandidate {
@@ -42,11 +42,10 @@ impl ReactionCandidate {
 
 #[derive(Debug, Default)]
 pub struct Matching {
-    /// Indexed by particle: 1 plus the index of the best candidate so far, [`NONE`] or [`TAKEN`].
+    /// Indexed by particle: 1 plus the index of the best candidate, [`NONE`] or [`TAKEN`].
     best: Vec<AtomicU32>,
 }
 
-/// The particles that chosen reactions consume.
 #[derive(Clone, Copy, Debug)]
 pub struct Consumed<'a>(&'a [AtomicU32]);
 
@@ -61,12 +60,11 @@ const NONE: u32 = u32::MAX;
 const TAKEN: u32 = 0;
 
 const CHUNK: usize = 1024;
-/// Particles per candidate of a window, so that few of its candidates share particles. Results do not depend on it.
+/// Particles per candidate of a window, so that few candidates share particles. Results do not depend on it.
 const PARTICLES_PER_CANDIDATE: usize = 8;
 
 impl Matching {
-    /// Chooses reactions. `sample` adds the candidates of unconsumed particles to a buffer of the best, and is called
-    /// until the buffer drops none.
+    /// `sample` adds candidates of unconsumed particles, and is called until the buffer drops none.
     ///
     /// # Errors
     /// Returns the errors of `sample`.
@@ -117,7 +115,7 @@ impl Matching {
                 let waits = |c: &u32| !wins(c) && claimed(*c).all(|p| p.load(Ordering::Relaxed) != TAKEN);
                 let left: Vec<u32> = in_parallel().filter(waits).collect();
                 all_winners.extend_from_slice(&winners);
-                // Clears all entries before winners set theirs.
+                // Clears entries before winners set theirs.
                 in_parallel().for_each(|c| {
                     let clear = |p: &AtomicU32| {
                         let _ = p.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |there| {

@@ -23,7 +23,7 @@ pub struct Reactions {
     reactants: usize,
     /// Table row by species; `u32::MAX` if it does not react.
     rows: Vec<u32>,
-    /// Shells by the rows of two species, innermost first.
+    /// Indexed by two rows; innermost first.
     table: Vec<Vec<ReactionShell>>,
     reactions: Vec<Reaction>,
     /// Indexed by reaction: the first reactant's fraction of the approach, and the first product's of the separation.
@@ -56,13 +56,12 @@ pub(crate) struct ReactionRule {
     /// Largest random word at which it happens.
     pub(crate) up_to: u32,
     pub(crate) consumes: [bool; 2],
-    /// `true` if a draw decides which of two equal reactants is the first.
+    /// A draw decides which of two equal reactants is the first.
     pub(crate) draws_order: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactantChange {
-    /// Index of the particle.
     pub at: u32,
     /// Species; `None` removes the particle.
     pub product: Option<u32>,
@@ -108,7 +107,7 @@ impl Reactions {
         self.reactions.is_empty()
     }
 
-    /// Returns the shells of two species, innermost first; empty if they do not react.
+    /// Innermost first; empty if the species do not react.
     #[inline]
     pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
         let [a, b] = [a, b].map(|species| self.rows[species as usize] as usize);
@@ -117,9 +116,9 @@ impl Reactions {
 
     /// Returns the changes of a candidate's consumed reactants.
     ///
-    /// Consumed reactants meet between their positions, each moving in proportion to its diffusion. One product appears
-    /// there; two separate by the unbinding radius in a random direction. A product next to a catalyst stays at its
-    /// reactant's position, or appears at the unbinding radius from the catalyst.
+    /// Consumed reactants meet, each moving in proportion to its diffusion. One product appears there; two separate by
+    /// the unbinding radius in a random direction. A product next to a catalyst stays at its reactant's position, or
+    /// appears at the unbinding radius from the catalyst.
     pub fn outcomes(
         &self,
         particles: &Particles,
@@ -143,7 +142,7 @@ impl Reactions {
             false => [0.0; 3],
         };
         let outcome = |k: usize, along: f32| {
-            // The reactant's own position, because adding `toward` to the other one rounds.
+            // Adding `toward` to the other position would round.
             let from = if has_catalyst && !separates { [a, b][k] } else { meeting };
             let domain =
                 reaction.products[k].map_or(&self.boundary, |product| &self.center_domains[product as usize]);
@@ -199,7 +198,7 @@ fn shells(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> 
     all.into_iter().filter_map(shell).collect()
 }
 
-/// Returns `true` for each reactant that is not its own product.
+/// Returns `true` for a reactant that is not its own product.
 fn consumes(reaction: &Reaction) -> [bool; 2] {
     [0, 1].map(|k| reaction.products[k] != Some(reaction.reactants[k]))
 }
@@ -237,8 +236,6 @@ fn contact_distance(model: &Model, a: u32, b: u32) -> f32 {
     if model.contact == Contact::Ignore { 0.0 } else { touch }
 }
 
-/// Returns the detector's interactions.
-///
 /// # Errors
 /// [`Error::Detection`] for more species than the detector supports.
 pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {

@@ -32,16 +32,16 @@
 
 use crate::Error;
 
-/// Largest √(2DΔt), relative to the binding radius, at which partners rarely jump over each other; D is the sum of both
-/// coefficients. With longer steps the rate holds for well-mixed partners only.
+/// Largest √(2DΔt), in binding radii, at which partners rarely jump over each other; D is the sum of both coefficients.
+/// In longer steps the rate holds for well-mixed partners only.
 pub const LONG_STEP: f64 = 1.0;
 
-/// Returns the longest time step, in s, at which partners rarely jump over each other; see [`LONG_STEP`].
+/// Returns the longest time step, in s, at which partners rarely jump over each other.
 pub fn longest_step(binding_radius: f64, diffusion: f64) -> f64 {
     (LONG_STEP * binding_radius).powi(2) / (2.0 * diffusion)
 }
 
-/// Returns [`longest_step`] for a rate constant in µm³/s.
+/// [`longest_step`] for a rate constant in µm³/s.
 pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
     let radius = rate / (4.0 * std::f64::consts::PI * diffusion * absorbed(LONG_STEP));
     longest_step(radius, diffusion)
@@ -63,8 +63,8 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
         }
     }
     let step = (2.0 * diffusion * time_step).sqrt();
-    // k rises with the radius from 0. At `low` it is at most `rate`, because partners are never denser near each other
-    // than far away. At `high` it exceeds `rate` in the limits of short and long steps.
+    // k rises with the radius from 0. At `low` it is at most `rate`, as partners are never denser near each other than
+    // far away. At `high` it exceeds `rate` in the limits of short and long steps.
     let mixed = (rate * time_step * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
     let low = mixed.max(rate / (4.0 * std::f64::consts::PI * diffusion));
     Ok(root([low, low + step], |radius| rate_constant(radius, diffusion, time_step) - rate))
@@ -167,7 +167,7 @@ fn gauss(x: f64) -> f64 {
     (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
-/// Returns the probability that a standard normal number exceeds `x`.
+/// Probability that a standard normal number exceeds `x`.
 fn upper(x: f64) -> f64 {
     0.5 * libm::erfc(x / std::f64::consts::SQRT_2)
 }
@@ -248,8 +248,8 @@ mod tests {
         assert!((reversible_rate_constant(radius, 1.2, 1.0, 1e-3) / 30.0 - 1.0).abs() < 1e-6);
     }
 
-    /// Relative to the volume of the ball, a small one absorbs 1 − ε, ε = (4/3)πb³·Σ over n of (2πn)^(−3/2): after n
-    /// steps, the hole that it leaves has spread to this density at the center. The next terms are of the order εb².
+    /// Relative to its volume, a small ball absorbs 1 − ε, ε = (4/3)πb³·Σ over n of (2πn)^(−3/2): after n steps, its
+    /// hole has spread to this density at the center. The next terms are of the order εb².
     #[test]
     fn rates_of_long_steps_match_well_mixed_partners() {
         const ZETA: f64 = 2.612_375_348_685_488;

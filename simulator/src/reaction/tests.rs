@@ -6,7 +6,7 @@ use crate::random::philox::Key;
 use crate::reaction::dissociation::Dissociation;
 
 fn species(name: &str, diffusion: f64, radius: f32) -> Species {
-    Species { name: name.into(), diffusion, radius, mass: 1.0, ..Species::default() }
+    Species { name: name.into(), diffusion, radius, ..Species::default() }
 }
 
 fn model(products: [Option<u32>; 2]) -> Model {

@@ -20,7 +20,7 @@ use crate::reaction::decay::Decays;
 use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
 
-/// Number of draws of a point within a vessel.
+/// Draws of a point within a vessel.
 const MAX_ATTEMPTS: u32 = 64;
 
 #[derive(Clone, Debug, Default)]
@@ -51,19 +51,19 @@ pub(crate) struct ReleaseStep<'a> {
     pub(crate) receiver_moves: &'a [ReceiverMove],
 }
 
-/// Particles of one species from a burst, or from steady release in the last step.
+/// Particles of one species from a burst, or from the steady release of a step.
 pub(crate) struct Batch<'a> {
     transmitter: u32,
     from: &'a Transmitter,
     /// Center of the transmitter at the beginning of the step, in µm.
     center: [f32; 3],
-    /// Beginning of the step; 0 for bursts, whose particles have no age.
+    /// Beginning of the step, in s; 0 for bursts, whose particles have no age.
     now: f64,
     species: u32,
     count: u32,
     /// Lattice site of the first particle, unless `continues`.
     site: u32,
-    /// `true` if its sites continue those of the previous batch.
+    /// Sites continue those of the previous batch.
     continues: bool,
     ages: Ages,
 }
@@ -148,7 +148,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Releases the particles of a [`Batch::from_ids`].
+    /// Releases a [`Batch::from_ids`].
     ///
     /// # Errors
     /// See [`Particles::reserve`].
@@ -161,7 +161,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Returns transmitter, species and number of each release, in the order of ids.
+    /// Transmitters, species and numbers, in the order of ids.
     pub fn releases(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
         self.all_batches(step, key).map(|batch| (batch.transmitter, batch.species, batch.count))
     }
@@ -240,8 +240,8 @@ impl Model {
         std::array::from_fn(|k| batch.center[k] + offset[k])
     }
 
-    /// Returns `position`, or another point of the transmitter if a vessel excludes `position`. A shape that is far
-    /// larger than the vessel fills it uniformly.
+    /// Returns `position`, or another point of the transmitter if a vessel excludes it. A far larger shape fills the
+    /// vessel uniformly.
     fn drawn_within_vessel(
         &self,
         batch: &Batch<'_>,
@@ -302,8 +302,8 @@ fn center_among(receiver_moves: &[ReceiverMove], from: &Transmitter) -> [f32; 3]
     receiver_move.map_or(from.center, |receiver_move| receiver_move.center)
 }
 
-/// Returns the number of evenly spaced particles released until `time`. Numbers of successive steps add up exactly,
-/// since each step begins at the end of the previous.
+/// Returns the evenly spaced particles released until `time`. Numbers of successive steps add up exactly: each begins
+/// at the end of the previous.
 fn released_until(time: f64, rate: f64, begin: f64) -> f64 {
     // Rounding of the time must not delay a particle that is due at the end of a step.
     let rounding = (4.0 * f64::EPSILON * rate * time).max(1e-9);

@@ -1,7 +1,7 @@
 //! The part of a step after a release.
 //!
-//! A shorter step, in which receivers make the same fraction of their displacement. Receptors only reflect, because
-//! free receptors are counted at the beginning of a step.
+//! A shorter step with the same fraction of receivers' displacements. Receptors only reflect, because free receptors
+//! are counted at the beginning of a step.
 
 use rayon::prelude::*;
 
@@ -22,9 +22,9 @@ use crate::random::philox::{DrawContext, Purpose};
 use crate::reaction::decay::{CaptureOrder, ChainedDecay};
 use crate::release::origins::{Arrival, Origin};
 
-/// Number of particles that are moved together, to bound memory.
+/// Particles moved together, to bound memory.
 const CHUNK: usize = 1 << 13;
-/// Smallest number of particles that a thread moves, in about 100 µs (AMD EPYC).
+/// Particles that a thread moves in about 100 µs (AMD EPYC).
 const MIN_PER_THREAD: usize = 64;
 
 #[derive(Clone, Debug)]

@@ -18,8 +18,7 @@ impl RankSlice {
         self.rank == 0
     }
 
-    /// Returns this rank's range of a list. The ranges that are longer by one begin with rank `first_longer`, modulo
-    /// the number of ranks.
+    /// Ranges that are longer by one begin with rank `first_longer`, modulo the number of ranks.
     pub(crate) fn range(self, length: u64, first_longer: u32) -> Range<u64> {
         let ranks = u64::from(self.ranks);
         let (each, longer) = (length / ranks, length % ranks);

@@ -16,16 +16,20 @@ fn decay(reactant: u32, product: u32, rate: f64) -> Decay {
     Decay { reactant, products: [Some(product), None], rate, ..Decay::default() }
 }
 
+fn release(model: &Model, step: u32, next_id: u32) -> Result<ReleasedParticles, Error> {
+    let events = &PartialEvents::new(model);
+    let at = ReleaseStep { events, key: Key::new(3), step, next_id, receiver_moves: &[] };
+    model.release(at, RankSlice::WHOLE)
+}
+
 fn released_in_a_step(model: &Model) -> impl Iterator<Item = Particle> {
-    let events = PartialEvents::new(model);
-    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, receiver_moves: &[] };
-    let released = model.release(at, RankSlice::WHOLE).expect("a release");
+    let released = release(model, 1, 0).expect("a release");
     (0..released.particles.len()).map(move |at| released.particles.get(at))
 }
 
 #[test]
 fn products_since_the_release_have_the_speeds_of_their_species() {
-    let species = |speed| Species { speed, mass: 1.0, ..Species::default() };
+    let species = |speed| Species { speed, ..Species::default() };
     let model = Model {
         time_step: 0.1,
         species: vec![species(20.0), species(0.0), species(5.0)],
@@ -44,7 +48,7 @@ fn products_since_the_release_have_the_speeds_of_their_species() {
 
 #[test]
 fn products_since_the_release_have_the_thermal_speeds_of_their_species() {
-    let species = |thermal_speed| Species { thermal_speed, mass: 1.0, ..Species::default() };
+    let species = |thermal_speed| Species { thermal_speed, ..Species::default() };
     let model = Model {
         time_step: 0.1,
         species: [100.0, 0.0, 5.0, 10.0, 0.0, 3.0].map(species).to_vec(),
@@ -76,10 +80,7 @@ fn steady_release_beyond_all_ids_is_refused() {
                 transmitters: vec![Transmitter { numbers, ..steady(vec![(0, rate)], [0.0, 1.0]) }],
                 ..Model::default()
             };
-            let events = PartialEvents::new(&model);
-            let at =
-                ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, receiver_moves: &[] };
-            let refused = model.release(at, RankSlice::WHOLE).map(|released| released.next_id);
+            let refused = release(&model, 1, 0).map(|released| released.next_id);
             assert!(matches!(refused, Err(Error::OutOfIds { .. })), "{numbers:?}, {rate}: {refused:?}");
         }
     }
@@ -95,15 +96,13 @@ fn steady_release_fills_all_sites_of_a_lattice() {
         let shape = Shape::Lattice([4.0, 1.0, 1.0], [4, 1, 1]);
         let model = Model {
             time_step: 0.05,
-            species: vec![Species { mass: 1.0, ..Species::default() }],
+            species: vec![Species::default()],
             transmitters: vec![Transmitter { shape, numbers, ..steady(rates, ends) }],
             ..Model::default()
         };
-        let (events, mut next_id) = (PartialEvents::new(&model), 0);
-        let mut counts = [0; 4];
+        let (mut counts, mut next_id) = ([0; 4], 0);
         for step in 0..=20 {
-            let at = ReleaseStep { events: &events, key: Key::new(3), step, next_id, receiver_moves: &[] };
-            let released = model.release(at, RankSlice::WHOLE).expect("a release");
+            let released = release(&model, step, next_id).expect("a release");
             next_id = released.next_id;
             let positions = (0..released.particles.len()).map(|at| released.particles.get(at).position[0]);
             positions.for_each(|x| counts[(x + 1.5) as usize] += 1);
@@ -121,7 +120,7 @@ fn each_of_two_bursts_in_a_step_begins_at_the_first_site() {
     let schedule = Schedule::Times(vec![0.05, 0.1]);
     let model = Model {
         time_step: 0.1,
-        species: vec![Species { mass: 1.0, ..Species::default() }],
+        species: vec![Species::default()],
         transmitters: vec![Transmitter {
             shape,
             schedule,
@@ -143,7 +142,7 @@ fn origins_are_restored_if_all_ids_are_of_scheduled_releases() {
     };
     let mut model = Model {
         time_step: 0.1,
-        species: vec![Species { mass: 1.0, ..Species::default() }],
+        species: vec![Species::default()],
         transmitters: vec![burst(&[0.0, 0.2]), steady(vec![(0, 50.0)], [0.0, 1.0]), burst(&[0.1])],
         logs_arrivals: true,
         ..Model::default()
@@ -164,7 +163,7 @@ fn origins_are_restored_if_all_ids_are_of_scheduled_releases() {
 fn emitted_particles_continue_from_site_to_site() {
     let shape = Shape::Lattice([4.0, 1.0, 1.0], [4, 1, 1]);
     let transmitter = Transmitter { shape, ..Transmitter::default() };
-    let species = vec![Species { mass: 1.0, ..Species::default() }];
+    let species = vec![Species::default()];
     let model = Model { time_step: 0.1, species, ..Model::default() };
     let burst = |id| {
         let one = Emission { transmitter: 0, species: 0, count: 1 };
@@ -197,7 +196,7 @@ fn fixed_steady_release_counts_every_particle_once() {
 }
 
 fn beside_a_sphere(kind: ReceiverKind, time_step: f64) -> Model {
-    let species = Species { name: "A".into(), diffusion: 1.0, mass: 1.0, ..Species::default() };
+    let species = Species { name: "A".into(), diffusion: 1.0, ..Species::default() };
     let receiver = Receiver { name: "rx".into(), radius: 1.0, kind, sees: vec![true], ..Receiver::default() };
     let transmitter = Transmitter { center: [1.05, 0.0, 0.0], ..steady(vec![(0, 1e5)], [0.0, 1.0]) };
     Model {
@@ -289,13 +288,8 @@ fn arrivals_since_the_release_are_logged_with_their_origin() {
 #[test]
 fn steady_release_at_a_wall_with_drift_spreads_alike_at_any_time_step() {
     let heights = |time_step: f64, steps| {
-        let species = Species {
-            name: "A".into(),
-            diffusion: 1.0,
-            mass: 1.0,
-            drift: [-10.0, 0.0, 0.0],
-            ..Species::default()
-        };
+        let species =
+            Species { name: "A".into(), diffusion: 1.0, drift: [-10.0, 0.0, 0.0], ..Species::default() };
         let transmitter = Transmitter { center: [0.05, 0.0, 0.0], ..steady(vec![(0, 1e6)], [0.0, 1.0]) };
         let model = Model {
             time_step,
@@ -322,7 +316,7 @@ fn steady_release_in_a_pulse_of_flow_goes_as_far_at_any_time_step() {
         let transmitter = Transmitter { center: [0.0, 0.5, 0.0], ..steady(vec![(0, 1e4)], [0.0, 1.0]) };
         let model = Model {
             time_step,
-            species: vec![Species { name: "A".into(), mass: 1.0, ..Species::default() }],
+            species: vec![Species { name: "A".into(), ..Species::default() }],
             transmitters: vec![transmitter],
             boundary: Boundary { vessel: Some(vessel), ..Boundary::default() },
             flow: Some(Flow::Poiseuille { mean: 50.0 }),
@@ -356,7 +350,7 @@ fn shapes_larger_than_a_vessel_fill_it() {
         let vessel = Vessel { along, center: [1.0, 0.0, 0.0], radius: 1.0 };
         let model = Model {
             time_step: 0.1,
-            species: vec![Species { mass: 1.0, ..Species::default() }],
+            species: vec![Species::default()],
             transmitters: vec![Transmitter {
                 center: [1.0, 0.0, 0.0],
                 shape,

@@ -13,7 +13,7 @@ fn swimmers(boundary: Boundary, center: [f32; 3]) -> Model {
     let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 2e4)] };
     Model {
         time_step: 0.1,
-        species: vec![Species { speed: SPEED.into(), mass: 1.0, ..Species::default() }],
+        species: vec![Species { speed: SPEED.into(), ..Species::default() }],
         transmitters: vec![Transmitter { center, schedule, ..Transmitter::default() }],
         boundary,
         ..Model::default()
@@ -77,7 +77,7 @@ fn crowd() -> (Model, Vec<ReceiverMove>) {
     let shape = Shape::Box([1.0; 3]);
     let model = Model {
         time_step: 0.02,
-        species: vec![Species { diffusion: 1.0, mass: 1.0, ..Species::default() }],
+        species: vec![Species { diffusion: 1.0, ..Species::default() }],
         // At a corner, so that particles appear at all corners.
         transmitters: vec![Transmitter { schedule, shape, center: [10.1; 3], ..Transmitter::default() }],
         boundary: Boundary::periodic([10.0; 3], [18.0; 3]),
@@ -151,7 +151,7 @@ fn flow_pulse_carries_particles_of_the_least_ages() {
     let schedule = Schedule::Steady { from: 0.0, until: 1e9, rates: vec![(0, 100.0)] };
     let model = Model {
         time_step: 0.1,
-        species: vec![Species { mass: 1.0, ..Species::default() }],
+        species: vec![Species::default()],
         transmitters: vec![Transmitter { schedule, ..Transmitter::default() }],
         flow: Some(crate::model::Flow::Plug([5.0, 0.0, 0.0])),
         flow_pulse: Some([0.0, f64::INFINITY]),
