@@ -174,7 +174,7 @@ fn matched(
     let table = crate::reaction::interactions(&model()).expect("interactions");
     let settings = lazygrid::gpu::GpuConfig::default().interactions(table);
     let mut detector = lazygrid::gpu::GpuDetector::new(&gpu.device, settings).expect("a detector");
-    let found = detector.reserve(particles).expect("room");
+    let found = detector.reserve(particles).expect("buffers");
     let steps = StepDispatches::new(
         &mut buffers,
         sizes,

@@ -363,7 +363,7 @@ fn shapes_larger_than_a_vessel_fill_it() {
         };
         released_in_a_step(&model).map(|particle| vessel.distance(particle.position)).collect()
     };
-    let cubic = |along, shape, mean: f64, variance: f64| {
+    let assert_mean = |along, shape, mean: f64, variance: f64| {
         let found = all(along, shape);
         assert!(found.iter().all(|&r| r <= 1.0));
         let n = found.len() as f64;
@@ -371,8 +371,8 @@ fn shapes_larger_than_a_vessel_fill_it() {
         assert!(n == 20_000.0 && error.abs() < 5.0, "{shape:?}: {error} standard errors");
     };
     for shape in [Shape::Box([2.0; 3]), Shape::Box([9.0; 3]), Shape::Gaussian(1e4)] {
-        cubic(None, shape, 0.75, 3.0 / 5.0 - 9.0 / 16.0);
-        cubic(Some(1), shape, 2.0 / 3.0, 1.0 / 2.0 - 4.0 / 9.0);
+        assert_mean(None, shape, 0.75, 3.0 / 5.0 - 9.0 / 16.0);
+        assert_mean(Some(1), shape, 2.0 / 3.0, 1.0 / 2.0 - 4.0 / 9.0);
     }
     let center = all(None, Shape::Gaussian(1.0)).into_iter().filter(|&r| r < 0.01).count();
     assert!(center < 10, "{center} at the center");

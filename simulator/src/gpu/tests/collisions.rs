@@ -238,7 +238,7 @@ fn collision_rounds_match_the_cpu() {
             }
         }
         assert!(happened > 40, "{axis:?}: {happened}");
-        assert!(others <= 2, "{axis:?}: {others} of {happened} events are others");
+        assert!(others <= 2, "{axis:?}: {others} of {happened} events differ");
     }
 }
 

@@ -56,7 +56,7 @@ fn adsorption_and_unbinding_match_the_cpu() {
         // A trial at the threshold may fall on either side.
         others += u32::from((above - step.height_after(&mut draws)).abs() > 1e-4 * length);
     }
-    assert!(others <= 4, "{others} of 12 288 heights are others");
+    assert!(others <= 4, "{others} of 12 288 heights differ");
 }
 
 fn spheres(displacements: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
@@ -174,26 +174,26 @@ struct Crowd {
     spheres: Vec<[f32; 4]>,
     claims: Vec<[u32; 8]>,
     events: Vec<Event>,
-    coming: [u32; 3],
+    requests: [u32; 3],
 }
 
 fn crowd(count: u32) -> Crowd {
     let mut crowd = Crowd::default();
-    let mut holding = [0; 3];
+    let mut bound = [0; 3];
     for at in 0..count {
         let [rank, which, ..] = philox([at, 9, 0, 0], [3, 0]);
         let receiver = which % 3;
         let index = receiver as usize;
-        let is_held = holding[index] < RECEPTORS[index][1];
-        holding[index] += u32::from(is_held);
-        let held = [0.0, 0.0, 1.0, -2.0 - receiver as f32];
-        crowd.spheres.push(if is_held { held } else { [0.5, 0.5, 0.5, 0.25] });
+        let is_bound = bound[index] < RECEPTORS[index][1];
+        bound[index] += u32::from(is_bound);
+        let sphere = [0.0, 0.0, 1.0, -2.0 - receiver as f32];
+        crowd.spheres.push(if is_bound { sphere } else { [0.5, 0.5, 0.5, 0.25] });
         let rank = rank % 7 * 0x1234_5678;
-        let bid = [rank, crowd.coming[index], 2, receiver, at, 2, 3, 0];
-        let comes = !is_held && at % 4 != 0;
-        crowd.claims.push(if comes { bid } else { [0; 8] });
-        if comes {
-            crowd.coming[index] += 1;
+        let request = [rank, crowd.requests[index], 2, receiver, at, 2, 3, 0];
+        let requests = !is_bound && at % 4 != 0;
+        crowd.claims.push(if requests { request } else { [0; 8] });
+        if requests {
+            crowd.requests[index] += 1;
             crowd.events.push(Event::Bound { at, receiver, receptor: receiver, direction: [0.0; 3], rank });
         }
     }
@@ -207,7 +207,7 @@ fn id_of(at: u32) -> u32 {
 struct SelectionResult {
     moved: Vec<[f32; 4]>,
     claims: Vec<[u32; 8]>,
-    held: Vec<u32>,
+    bound: Vec<u32>,
     tallies: Vec<u32>,
     removed: u32,
 }
@@ -260,7 +260,7 @@ fn choose(gpu: &GpuDevice, crowd: &Crowd) -> SelectionResult {
     };
     let begin = recorded(&[(&k::RECEPTORS_RESET, 1), (&k::RECEPTORS_COUNT_BOUND, all)]);
     gpu.queue.submit([begin.finish()]);
-    for (k, count) in crowd.coming.iter().enumerate() {
+    for (k, count) in crowd.requests.iter().enumerate() {
         gpu.queue.write_buffer(&made["receptors"], ROW * k as u64 + 8, bytemuck::bytes_of(count));
     }
     let encoder = recorded(&[
@@ -280,7 +280,7 @@ fn choose(gpu: &GpuDevice, crowd: &Crowd) -> SelectionResult {
     SelectionResult {
         moved: bytemuck::pod_collect_to_vec(&read[0]),
         claims: bytemuck::pod_collect_to_vec(&read[1]),
-        held: receptors.iter().map(|row| row[1]).collect(),
+        bound: receptors.iter().map(|row| row[1]).collect(),
         tallies: bytemuck::pod_collect_to_vec(&read[3][size_of::<ControlHeader>()..]),
         removed: head.removed,
     }
@@ -290,13 +290,13 @@ fn choose(gpu: &GpuDevice, crowd: &Crowd) -> SelectionResult {
 fn lowest_ranks_bind_to_free_receptors() {
     let Some(gpu) = device() else { return };
     let crowd = crowd(5_000);
-    let Crowd { spheres, claims, events, coming } = &crowd;
-    let free = RECEPTORS.map(|[count, held]| count - held);
+    let Crowd { spheres, claims, events, requests: counts } = &crowd;
+    let free = RECEPTORS.map(|[count, bound]| count - bound);
     let expected = rejected(requests(events, id_of), &free);
-    assert!(coming[1] > free[1] && free[2] == 0 && expected.len() > 1000);
+    assert!(counts[1] > free[1] && free[2] == 0 && expected.len() > 1000);
 
-    let SelectionResult { moved, claims: after, held, tallies, removed } = choose(&gpu, &crowd);
-    assert_eq!(held, RECEPTORS.map(|[_, held]| held));
+    let SelectionResult { moved, claims: after, bound, tallies, removed } = choose(&gpu, &crowd);
+    assert_eq!(bound, RECEPTORS.map(|[_, bound]| bound));
     assert!(after.iter().all(|claim| claim[2] == 0));
     let stays = |event: &&Event| moved[event.at() as usize] == spheres[event.at() as usize];
     let mut rejected: Vec<u32> = events.iter().filter(stays).map(|event| id_of(event.at())).collect();
@@ -309,8 +309,8 @@ fn lowest_ranks_bind_to_free_receptors() {
         let is_bound = moved[at][3] == -2.0 - *receiver as f32 && (moved[at][0] - direction).abs() < 1e-30;
         assert!(is_bound || moved[at] == spheres[at], "{:?}", moved[at]);
     }
-    let bound: Vec<u32> = (0..3).map(|k| coming[k].min(free[k])).collect();
-    let requests: Vec<u32> = (0..3).flat_map(|k| [coming[k], coming[k] - bound[k]]).collect();
+    let bound: Vec<u32> = (0..3).map(|k| counts[k].min(free[k])).collect();
+    let requests: Vec<u32> = (0..3).flat_map(|k| [counts[k], counts[k] - bound[k]]).collect();
     assert_eq!((tallies, removed), ([&bound, &bound, &requests[..]].concat(), bound.iter().sum()));
 }
 
@@ -361,5 +361,5 @@ fn hits_and_hit_times_match_the_cpu() {
         let expected = reflected(axis, [a - 0.5, b - 1.5], 0.7, words[3]).unwrap_or(b - 1.5);
         assert!((end - expected).abs() < 1e-5, "{k}: {end} and not {expected}");
     }
-    assert!(others <= 2, "{others} of 4096 times are others");
+    assert!(others <= 2, "{others} of 4096 times differ");
 }
