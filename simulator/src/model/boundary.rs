@@ -41,7 +41,8 @@ impl Axis {
             Self::Periodic { low, high } => {
                 let length = high - low;
                 let shifted = x - length * ((x - low) / length).floor();
-                if shifted >= low && shifted < high { shifted } else { low }
+                // A comparison with NaN is false, so paths beyond the range of `f32` stay non-finite.
+                if shifted < low || shifted >= high { low } else { shifted }
             }
         }
     }

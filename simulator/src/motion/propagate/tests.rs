@@ -1,6 +1,7 @@
 use super::*;
 use crate::model::particles::Particle;
 use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
+use crate::model::vessel::Vessel;
 use crate::model::{Decay, Species};
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
@@ -80,6 +81,23 @@ fn decays_share_their_probability() {
             events.iter().filter(|e| matches!(e, Event::Decayed { decay, .. } if *decay == which)).count();
         let error = (count as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
         assert!(error.abs() < 4.0, "{which}: {count}, {error} standard errors");
+    }
+}
+
+#[test]
+fn path_beyond_the_range_of_numbers_is_an_error_in_every_boundary() {
+    let vessel = Vessel { along: None, center: [0.0; 3], radius: 1.0 };
+    for boundary in [
+        Boundary::default(),
+        Boundary::periodic([-1.0; 3], [1.0; 3]),
+        Boundary::reflecting([-1.0; 3], [1.0; 3]),
+        Boundary { vessel: Some(vessel), ..Boundary::default() },
+    ] {
+        let species = vec![Species { drift: [1e39, 0.0, 0.0], ..species(0.0) }];
+        let model = Model { time_step: 1.0, species, boundary, ..Model::default() };
+        let now = StepKey { key: Key::new(1), step: 2 };
+        let moved = Propagator::new(&model).advance(&mut cloud(3), None, None, now);
+        assert!(matches!(moved, Err(Error::NotFinite { step: 2, particles: 3 })), "{boundary:?}: {moved:?}");
     }
 }
 
