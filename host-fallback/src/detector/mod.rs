@@ -164,6 +164,7 @@ impl SearchBackend for HostBackend {
 #[cfg(test)]
 mod tests {
     use std::ops::ControlFlow;
+    use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
     use std::thread;
 
     use lazygrid_kernels::{Algorithm, Interaction, Interactions, Space, Sphere};
@@ -256,6 +257,20 @@ mod tests {
             });
             assert_eq!((found, chunks), (Ok(3999), 17), "{max_pairs}");
             assert!(streamed.is_sorted() && streamed.len() == 3999, "{max_pairs}");
+        }
+    }
+
+    #[test]
+    fn stop_flag_cancels_searches_of_few_spheres() {
+        let stop = Arc::new(AtomicBool::new(false));
+        for (&algorithm, n) in Algorithm::CPU.iter().flat_map(|algorithm| [(algorithm, 0), (algorithm, 3)]) {
+            let settings = Settings { algorithm, stop: Some(stop.clone()), ..Settings::default() };
+            let mut detector = HostDetector::new(settings).expect("the settings are in range");
+            let spheres: Vec<_> = (0..n).map(|k| Sphere::new([9.0 * k as f32; 3], 1.0)).collect();
+            for (is_stopped, expected) in [(false, Ok(0)), (true, Err(Error::Cancelled)), (false, Ok(0))] {
+                stop.store(is_stopped, Relaxed);
+                assert_eq!(detector.count(&spheres), expected, "{algorithm}, {n} spheres");
+            }
         }
     }
 

@@ -112,6 +112,10 @@ impl DetectorState {
         input: &SearchInput<'_>,
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
+        // Searches read the flag between chunks, of which few spheres may have none.
+        if input.is_stopped() {
+            return Err(Error::Cancelled);
+        }
         let Self { report, naive, cell_list, skin, hash_grid, array_grid, recursive_grid, .. } = self;
         if self.from_candidates {
             return report.time("test", || skin.candidates.search(input, output));
