@@ -92,7 +92,7 @@ impl SpeciesRadius {
 
 impl PartialEq for Interactions {
     fn eq(&self, other: &Self) -> bool {
-        (self.species, self.fits_f32) == (other.species, other.fits_f32) && self.table == other.table
+        self.table == other.table
     }
 }
 
@@ -308,6 +308,11 @@ mod tests {
         assert!(table != before && table == table.clone());
         table.set(2, 0, Interaction::Never).expect("known species");
         assert_eq!([0, 1, 2].map(|species| radius(&table, species)), [0.0, 1.0, 0.0]);
+        let mut same = table.clone();
+        same.set(0, 0, Interaction::Within(1e300)).expect("known species");
+        assert!(same != table);
+        same.set(0, 0, Interaction::Never).expect("known species");
+        assert!(same == table, "an earlier distance beyond `f32` has no effect");
     }
 
     #[test]
