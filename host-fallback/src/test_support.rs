@@ -117,8 +117,17 @@ fn spaces(spheres: &[Sphere]) -> Vec<Space> {
     [[1.0, 1.0, 1.0], [0.37, 0.0, 0.81], [0.0, 0.0, 0.11], [3.0, 1.7, 0.02]].map(space).into()
 }
 
+pub(crate) fn new_detector(settings: Settings) -> HostDetector {
+    HostDetector::new(settings).expect("settings within range")
+}
+
+/// Returns `true` if candidates of an earlier call answered the last one.
+pub(crate) fn is_served(detector: &HostDetector) -> bool {
+    detector.report().candidates.is_some_and(|list| list.rebuilt.is_none())
+}
+
 pub(crate) fn pairs(spheres: Spheres<'_>, settings: &Settings) -> Vec<Pair> {
-    let mut detector = HostDetector::new(settings.clone()).expect("settings within range");
+    let mut detector = new_detector(settings.clone());
     let first = detector.pairs(spheres).expect("valid spheres").to_vec();
     let count = detector.count(spheres).expect("valid spheres");
     assert_eq!(count, first.len() as u64, "counted and listed");

@@ -8,12 +8,12 @@ use super::{CellList, DensityCache, max_cells};
 use crate::compare::{ChunkTarget, ChunkedOutput, PairTest};
 use crate::executor::Executor;
 use crate::input::{Division, Preparation, SearchInput};
-use crate::test_support::assert_matches_naive;
-use crate::{HostDetector, Order, Report, Settings, Simd};
+use crate::test_support::{assert_matches_naive, new_detector};
+use crate::{Order, Report, Settings, Simd};
 
 fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
     let settings = Settings { algorithm, simd, order: Order::Canonical, ..Settings::default() };
-    let mut detector = HostDetector::new(settings).expect("the settings are in range");
+    let mut detector = new_detector(settings);
     detector.pairs(spheres).expect("the spheres are valid").to_vec()
 }
 
@@ -58,7 +58,7 @@ fn gas_in_a_periodic_box_matches_naive() {
         let space = Space::periodic(lengths).expect("a box");
         let pairs = |algorithm, simd| {
             let settings = Settings { algorithm, simd, space, ..Settings::default() };
-            let mut detector = HostDetector::new(settings).expect("the settings are in range");
+            let mut detector = new_detector(settings);
             detector.pairs(&spheres).expect("the spheres are valid").to_vec()
         };
         let expected = pairs(Algorithm::Naive, Simd::Portable);
@@ -158,7 +158,7 @@ fn groups_of_species_match_naive() {
             }
             for &algorithm in Algorithm::CPU {
                 let settings = Settings { algorithm, threads: Some(1), ..settings.clone() };
-                let mut detector = HostDetector::new(settings).expect("the settings are in range");
+                let mut detector = new_detector(settings);
                 let first = split.unwrap_or(0);
                 let found = match split {
                     None => detector.pairs(spheres),
@@ -207,7 +207,7 @@ fn giant_touches_points_of_another_group_by_rounding_alone() {
         let count = |algorithm| {
             let settings =
                 Settings { algorithm, interactions: Some(table.clone()), space, ..Settings::default() };
-            let mut detector = HostDetector::new(settings).expect("the settings are in range");
+            let mut detector = new_detector(settings);
             detector.count(Spheres::from(&spheres).with_species(&ids).expect("one id for each"))
         };
         assert_eq!((count(Algorithm::Naive), count(Algorithm::CellList)), (Ok(1000), Ok(1000)), "{space:?}");

@@ -171,6 +171,7 @@ mod tests {
 
     use super::*;
     use crate::memory::with_growth;
+    use crate::test_support::new_detector;
     use crate::{Order, Skin};
 
     fn two() -> [Sphere; 2] {
@@ -181,7 +182,7 @@ mod tests {
     fn into_pairs_after_failed_search_is_empty() {
         let settings = Settings { max_pairs: 1, ..Settings::default() };
         let detector = || {
-            let mut detector = HostDetector::new(settings.clone()).expect("the settings are in range");
+            let mut detector = new_detector(settings.clone());
             assert_eq!(detector.pairs(two().as_slice()).map(<[_]>::len), Ok(1));
             detector
         };
@@ -198,7 +199,7 @@ mod tests {
     fn memory_for_counts_the_species_of_candidates() {
         let memory = |interactions| {
             let settings = Settings { skin: Skin::Auto, interactions, ..Settings::default() };
-            HostDetector::new(settings).expect("the settings are in range").backend().memory_for(1000, false)
+            new_detector(settings).backend().memory_for(1000, false)
         };
         let table = Interactions::new(1, Interaction::Touch).expect("few species");
         let of_table = SpeciesGroups::memory_for(1, 1000);
@@ -211,7 +212,7 @@ mod tests {
         let memory = |distance| {
             let table = Interactions::new(1, Interaction::Within(distance)).expect("a distance in range");
             let settings = Settings { interactions: Some(table), ..Settings::default() };
-            HostDetector::new(settings).expect("the settings are in range").backend().memory_for(1000, false)
+            new_detector(settings).backend().memory_for(1000, false)
         };
         for distance in [1e-40, 1e40] {
             assert_eq!(memory(distance), memory(0.1) + with_growth(16 * 1000), "{distance}");
@@ -223,7 +224,7 @@ mod tests {
         let memory = |space, is_f64, wraps| {
             let settings = Settings { space, skin: Skin::Off, ..Settings::default() };
             let copied = QueryBuffers::memory_for(1000, is_f64, &settings, wraps);
-            let detector = HostDetector::new(settings).expect("the settings are in range");
+            let detector = new_detector(settings);
             (copied, detector.backend().memory_for(1000, is_f64))
         };
         let periodic = |length: f64| Space::periodic([Some(length), None, None]).expect("a length");
@@ -248,7 +249,7 @@ mod tests {
         let spheres: Vec<_> = (0..4000).map(|k| Sphere::new([1.5 * k as f32, 0.0, 0.0], 1.0)).collect();
         for max_pairs in [0, 1, 100] {
             let settings = Settings { max_pairs, ..Settings::default() };
-            let mut detector = HostDetector::new(settings).expect("the settings are in range");
+            let mut detector = new_detector(settings);
             let (mut chunks, mut streamed) = (0, Vec::new());
             let found = detector.stream(&spheres, usize::MAX, |pairs| {
                 chunks += 1;
@@ -265,7 +266,7 @@ mod tests {
         let stop = Arc::new(AtomicBool::new(false));
         for (&algorithm, n) in Algorithm::CPU.iter().flat_map(|algorithm| [(algorithm, 0), (algorithm, 3)]) {
             let settings = Settings { algorithm, stop: Some(stop.clone()), ..Settings::default() };
-            let mut detector = HostDetector::new(settings).expect("the settings are in range");
+            let mut detector = new_detector(settings);
             let spheres: Vec<_> = (0..n).map(|k| Sphere::new([9.0 * k as f32; 3], 1.0)).collect();
             for (is_stopped, expected) in [(false, Ok(0)), (true, Err(Error::Cancelled)), (false, Ok(0))] {
                 stop.store(is_stopped, Relaxed);
@@ -278,7 +279,7 @@ mod tests {
         let spheres: Vec<_> = (0..n).map(|k| Sphere::new([spacing * k as f32, 0.0, 0.0], 1.0)).collect();
         let settings =
             Settings { threads: Some(2), algorithm, order: Order::Unordered, ..Settings::default() };
-        let mut detector = HostDetector::new(settings).expect("the settings are in range");
+        let mut detector = new_detector(settings);
         let (caller, mut are_here) = (thread::current().id(), Vec::new());
         let found = detector.stream(&spheres, 1 << 20, |_| {
             are_here.push(thread::current().id() == caller);
@@ -299,7 +300,7 @@ mod tests {
     fn consumer_that_panicked_is_not_called_again() {
         let spheres = vec![Sphere::new([0.0; 3], 1.0); 4000];
         let settings = Settings { threads: Some(2), order: Order::Unordered, ..Settings::default() };
-        let mut detector = HostDetector::new(settings).expect("the settings are in range");
+        let mut detector = new_detector(settings);
         let mut calls = 0;
         let streamed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
             detector.stream(&spheres, 1 << 10, |_| {
@@ -315,9 +316,8 @@ mod tests {
     #[test]
     fn reused_plan_loses_no_pair() {
         let settings = |algorithm| Settings { algorithm, ..Settings::default() };
-        let mut detector =
-            HostDetector::new(settings(Algorithm::CellList)).expect("the settings are in range");
-        let mut naive = HostDetector::new(settings(Algorithm::Naive)).expect("the settings are in range");
+        let mut detector = new_detector(settings(Algorithm::CellList));
+        let mut naive = new_detector(settings(Algorithm::Naive));
         let corners = [0.0, 100.0].map(|at| Sphere::new([at; 3], 1.0));
         for (width, radii) in [(90.0, [1.0, 0.1]), (10.0, [1.0, 0.1]), (0.0, [1.0, 0.1]), (90.0, [20.0, 0.1])]
         {

@@ -4,7 +4,7 @@ mod two_sets;
 
 use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Radii, Space, Sphere, Spheres};
 
-use crate::test_support::Random;
+use crate::test_support::{Random, is_served, new_detector};
 use crate::{Error, HostDetector, Order, RebuildReason, Settings, Skin};
 
 fn gas(n: usize, sizes: i32, side: f32) -> Vec<Sphere> {
@@ -50,9 +50,8 @@ fn pairs(detector: &mut HostDetector, spheres: &[Sphere]) -> Vec<Pair> {
 fn candidates_never_change_an_answer() {
     for skin in [Skin::Auto, Skin::Fixed(0.3), Skin::Fixed(2.0)] {
         for (k, settings) in settings(skin).into_iter().enumerate() {
-            let mut off =
-                HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
-            let mut detector = HostDetector::new(settings).expect("good settings");
+            let mut off = new_detector(Settings { skin: Skin::Off, ..settings.clone() });
+            let mut detector = new_detector(settings);
             let (mut spheres, mut random) = (gas(4000, 3, 24.0), Random(5));
             let (mut served, mut moved) = (0, 0);
             for call in 0..40 {
@@ -74,9 +73,8 @@ fn candidates_never_change_an_answer() {
 #[test]
 fn all_results_come_from_candidates() {
     let settings = Settings { skin: Skin::Fixed(0.5), max_pairs: 300, ..Settings::default() };
-    let mut detector = HostDetector::new(settings).expect("good settings");
-    let mut off =
-        HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
+    let mut detector = new_detector(settings);
+    let mut off = new_detector(Settings { skin: Skin::Off, ..Settings::default() });
     let (mut spheres, mut random) = (gas(2000, 2, 16.0), Random(5));
     for _ in 0..4 {
         let all = off.pairs(&spheres).expect("the spheres are valid").to_vec();
@@ -97,9 +95,8 @@ fn all_results_come_from_candidates() {
 #[test]
 fn changed_spheres_rebuild_the_list() {
     let settings = Settings { skin: Skin::Fixed(1.0), order: Order::Unordered, ..Settings::default() };
-    let mut detector = HostDetector::new(settings).expect("good settings");
-    let mut off =
-        HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
+    let mut detector = new_detector(settings);
+    let mut off = new_detector(Settings { skin: Skin::Off, ..Settings::default() });
     let mut spheres = gas(3000, 2, 20.0);
     let mut check = |spheres: &[Sphere], why: Option<RebuildReason>| {
         let found = detector.count(spheres).expect("valid");
@@ -120,8 +117,7 @@ fn changed_spheres_rebuild_the_list() {
 
 #[test]
 fn bad_spheres_are_refused_and_forgotten() {
-    let mut detector =
-        HostDetector::new(Settings { skin: Skin::Fixed(1.0), ..Settings::default() }).expect("good settings");
+    let mut detector = new_detector(Settings { skin: Skin::Fixed(1.0), ..Settings::default() });
     let spheres = gas(3000, 2, 20.0);
     let expected = detector.count(&spheres).expect("valid");
     for bad in [
@@ -155,11 +151,9 @@ fn without_a_list_every_call_searches() {
     let settings =
         |distance| Settings { skin: Skin::Fixed(distance), max_pairs: 100_000, ..Settings::default() };
     let spheres = gas(3000, 2, 60.0);
-    let expected = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })
-        .expect("good")
-        .count(&spheres)
-        .expect("valid");
-    let mut detector = HostDetector::new(settings(1e4)).expect("good settings");
+    let expected =
+        new_detector(Settings { skin: Skin::Off, ..Settings::default() }).count(&spheres).expect("valid");
+    let mut detector = new_detector(settings(1e4));
     for _ in 0..2 {
         assert_eq!(detector.count(&spheres).expect("valid"), expected);
         assert_eq!(detector.report().candidates, None);
@@ -176,16 +170,14 @@ fn head_on_spheres_are_found_when_they_touch() {
             [Sphere::new([x, y, -half], 0.25), Sphere::new([x, y, half], 0.25)]
         };
         let settings = Settings { skin, ..Settings::default() };
-        let mut detector = HostDetector::new(settings).expect("good settings");
+        let mut detector = new_detector(settings);
         let mut served = 0;
         for step in 0..60 {
             let by = step as f32 / 80.0;
             let spheres: Vec<_> = (0..1000).flat_map(|k| spheres_at(k, by)).collect();
-            let expected = HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() })
-                .expect("good settings")
-                .count(&spheres);
+            let expected = new_detector(Settings { skin: Skin::Off, ..Settings::default() }).count(&spheres);
             assert_eq!(detector.count(&spheres), expected, "{skin:?}, step {step}");
-            served += usize::from(detector.report().candidates.is_some_and(|stats| stats.rebuilt.is_none()));
+            served += usize::from(is_served(&detector));
         }
         assert!((20..60).contains(&served), "{skin:?}: {served} of 60 calls were served");
     }
@@ -201,8 +193,8 @@ fn radii_that_change_while_candidates_are_kept_lose_no_pair() {
     };
     for skin in [Skin::Auto, Skin::Fixed(0.2)] {
         let settings = |skin| Settings { skin, ..Settings::default() };
-        let mut detector = HostDetector::new(settings(skin)).expect("good settings");
-        let mut off = HostDetector::new(settings(Skin::Off)).expect("good settings");
+        let mut detector = new_detector(settings(skin));
+        let mut off = new_detector(settings(Skin::Off));
         for call in 0..9 {
             let spheres = frame(call);
             let expected = off.count(&spheres);
@@ -214,8 +206,7 @@ fn radii_that_change_while_candidates_are_kept_lose_no_pair() {
 
 #[test]
 fn refused_call_discards_expired_candidates() {
-    let mut detector =
-        HostDetector::new(Settings { skin: Skin::Fixed(0.5), ..Settings::default() }).expect("good settings");
+    let mut detector = new_detector(Settings { skin: Skin::Fixed(0.5), ..Settings::default() });
     let at = |k: usize| [k % 10, k / 10 % 10, k / 100].map(|c| c as f32);
     let lattice = |radius: f32| (0..1000).map(|k| Sphere::new(at(k), radius)).collect::<Vec<_>>();
     let (small, large) = (lattice(0.1), lattice(0.5));
@@ -235,7 +226,7 @@ fn radii_without_effect_are_checked_while_candidates_serve() {
     for space in [Space::UNBOUNDED, Space::periodic([Some(40.0); 3]).expect("a box"), tilted] {
         let interactions = Some(table.clone());
         let settings = Settings { skin: Skin::Fixed(0.5), interactions, space, ..Settings::default() };
-        let mut detector = HostDetector::new(settings).expect("good settings");
+        let mut detector = new_detector(settings);
         let (spheres, ids) = (gas(2000, 1, 20.0), vec![0; 2000]);
         let mut count = |spheres: &[Sphere]| {
             let spheres_with_ids = Spheres::from(spheres).with_species(&ids).expect("one id for each");
@@ -260,7 +251,7 @@ fn radii_without_effect_are_checked_while_candidates_serve() {
 fn too_many_candidates_cost_no_memory_and_no_error() {
     let spheres = vec![Sphere::new([0.0; 3], 1.0); 5000];
     let settings = Settings { skin: Skin::Fixed(0.003), threads: Some(1), ..Settings::default() };
-    let mut detector = HostDetector::new(settings).expect("good settings");
+    let mut detector = new_detector(settings);
     for _ in 0..3 {
         assert_eq!(detector.count(&spheres), Ok(5000 * 4999 / 2));
         assert_eq!(detector.report().candidates, None);
@@ -282,9 +273,8 @@ fn candidates_of_f64_spheres_are_tested_without_a_copy() {
     for (space, shift) in [(Space::UNBOUNDED, 0.0), (lengths, 7.0 * 24.1), (cell, 24.0)] {
         for interactions in [None, Some(table())] {
             let settings = Settings { space, interactions, skin: Skin::Fixed(0.4), ..Settings::default() };
-            let mut off =
-                HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
-            let mut detector = HostDetector::new(settings).expect("good settings");
+            let mut off = new_detector(Settings { skin: Skin::Off, ..settings.clone() });
+            let mut detector = new_detector(settings);
             let (mut spheres, mut random, mut served) = (gas(3000, 3, 24.0), Random(5), 0);
             let ids = species(spheres.len());
             for call in 0..24 {
@@ -303,7 +293,7 @@ fn candidates_of_f64_spheres_are_tested_without_a_copy() {
                     expected,
                     "{space:?}, call {call}"
                 );
-                if detector.report().candidates.is_some_and(|stats| stats.rebuilt.is_none()) {
+                if is_served(&detector) {
                     served += 1;
                     assert!(detector.report().phases.iter().all(|phase| phase.name != "copy"));
                 }
@@ -330,7 +320,7 @@ fn radii_that_grow_below_effective_ones_lose_no_pair() {
         .collect();
     let count = |skin| {
         let settings = Settings { skin, interactions: Some(table.clone()), ..Settings::default() };
-        let mut detector = HostDetector::new(settings).expect("good settings");
+        let mut detector = new_detector(settings);
         [0.1, 4.9].map(|radius| {
             let spheres: Vec<_> = centers.iter().map(|&center| Sphere::new(center, radius)).collect();
             let spheres = Spheres::from(&spheres).with_species(&ids).expect("one id for each");

@@ -5,8 +5,8 @@ use lazygrid_kernels::{Algorithm, Interaction, Interactions, Query, Space, Spher
 use super::super::{CellList, DensityCache};
 use crate::executor::Executor;
 use crate::input::{Division, Preparation, SearchInput};
-use crate::test_support::Random;
-use crate::{HostDetector, QueryBuffers, Report, Settings, Skin};
+use crate::test_support::{Random, is_served, new_detector};
+use crate::{QueryBuffers, Report, Settings, Skin};
 
 fn crowd(n: usize, (others, width): (usize, f32)) -> Vec<Sphere> {
     let mut random = Random(3);
@@ -54,7 +54,7 @@ fn crowd_among_distant_spheres_has_small_cells() {
         assert!(most.is_some_and(|most| most < 60), "{most:?} spheres in a cell of {:?}", list.levels);
         let pairs = |algorithm| {
             let settings = Settings { algorithm, ..settings.clone() };
-            HostDetector::new(settings).expect("good settings").pairs(&spheres).expect("valid").to_vec()
+            new_detector(settings).pairs(&spheres).expect("valid").to_vec()
         };
         assert_eq!(pairs(Algorithm::CellList), pairs(Algorithm::Naive), "{space:?}");
     }
@@ -99,7 +99,7 @@ fn groups_with_cells_for_their_own_radius_match_naive() {
             let answers = |algorithm, skin| {
                 let interactions = interactions.clone();
                 let settings = Settings { algorithm, skin, space, interactions, ..Settings::default() };
-                let mut detector = HostDetector::new(settings).expect("good settings");
+                let mut detector = new_detector(settings);
                 let of_f32 = |range: Range<usize>| {
                     Spheres::from(&spheres[range.clone()]).with_species(&ids[range]).expect("an id for each")
                 };
@@ -136,7 +136,7 @@ fn group_at_one_point_is_found_by_others() {
         assert_eq!(build(spheres_with_ids, &settings).1, Division::ByDistance, "{space:?}");
         let count = |algorithm| {
             let settings = Settings { algorithm, ..settings.clone() };
-            HostDetector::new(settings).expect("good settings").count(spheres_with_ids).expect("valid")
+            new_detector(settings).count(spheres_with_ids).expect("valid")
         };
         assert_eq!(count(Algorithm::CellList), count(Algorithm::Naive), "{space:?}");
     }
@@ -156,8 +156,7 @@ fn radii_that_grow_in_a_divided_crowd_lose_no_pair() {
             let naive = Settings { algorithm: Algorithm::Naive, skin: Skin::Off, ..settings.clone() };
             let spheres_with_ids = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
             assert_eq!(build(spheres_with_ids, &settings).1, Division::ByDistance, "{width}");
-            let [mut detector, mut naive] =
-                [settings, naive].map(|settings| HostDetector::new(settings).expect("good settings"));
+            let [mut detector, mut naive] = [settings, naive].map(new_detector);
             let mut served = 0;
             for radius in [0.004, 0.004, 0.1, 0.02, 0.3] {
                 spheres.iter_mut().for_each(|sphere| sphere.radius = radius);
@@ -168,8 +167,7 @@ fn radii_that_grow_in_a_divided_crowd_lose_no_pair() {
                     Ok(expected),
                     "{width}, {skin:?}, radius {radius}"
                 );
-                served +=
-                    usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+                served += usize::from(is_served(&detector));
             }
             assert!(served > 0 || !may_serve, "{skin:?}");
             spheres.iter_mut().for_each(|sphere| sphere.radius = 0.004);

@@ -3,7 +3,7 @@ use super::*;
 #[test]
 fn bad_f64_spheres_are_refused_while_candidates_serve() {
     let settings = Settings { skin: Skin::Fixed(1.0), ..Settings::default() };
-    let mut detector = HostDetector::new(settings).expect("good settings");
+    let mut detector = new_detector(settings);
     let mut rows = wide(&gas(3000, 2, 20.0));
     rows[2000][3] = 0.0;
     // A tiny radius is lost in the growth of the frame's radii, and a large one is cut.
@@ -27,9 +27,8 @@ fn bad_f64_spheres_are_refused_while_candidates_serve() {
 #[test]
 fn f64_spheres_that_leave_their_frame_rebuild_the_list() {
     let settings = Settings { skin: Skin::Fixed(1.0), ..Settings::default() };
-    let mut detector = HostDetector::new(settings).expect("good settings");
-    let mut off =
-        HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
+    let mut detector = new_detector(settings);
+    let mut off = new_detector(Settings { skin: Skin::Off, ..Settings::default() });
     let mut rows = wide(&gas(3000, 2, 20.0));
     rows[0] = [-15.8, 0.0, 0.0, 1.0];
     // The frame ends at 16, less than a displacement limit away.
@@ -49,8 +48,8 @@ fn f64_spheres_that_leave_their_frame_rebuild_the_list() {
 fn f64_spheres_many_lengths_away_rebuild_the_list() {
     let space = Space::periodic([Some(8.0), None, None]).expect("a box");
     let settings = Settings { skin: Skin::Fixed(1.0), space, ..Settings::default() };
-    let mut detector = HostDetector::new(settings.clone()).expect("good settings");
-    let mut off = HostDetector::new(Settings { skin: Skin::Off, ..settings }).expect("good settings");
+    let mut detector = new_detector(settings.clone());
+    let mut off = new_detector(Settings { skin: Skin::Off, ..settings });
     let mut rows = wide(&gas(1000, 2, 8.0));
     for (lengths, rebuilt) in [
         (0_u32, Some(RebuildReason::NoList)),
@@ -76,7 +75,7 @@ fn f64_spheres_many_lengths_away_rebuild_the_list() {
 fn candidates_of_another_frame_are_not_used() {
     let space = Space::periodic([Some(1.0), None, None]).expect("a box");
     let settings = Settings { skin: Skin::Fixed(1e-3), space, ..Settings::default() };
-    let mut detector = HostDetector::new(settings).expect("good settings");
+    let mut detector = new_detector(settings);
     let near_the_boundary = |scale: f64| -> Vec<[f64; 4]> {
         let row = |x: f64, k: u32| [x, f64::from(k) / 124.5 - 1.0, 0.0, 0.003].map(|number| scale * number);
         (0..250).flat_map(|k| [row(-0.06, k), row(0.06, k)]).collect()

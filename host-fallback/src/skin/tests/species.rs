@@ -1,8 +1,8 @@
 use lazygrid_kernels::{Interaction, Interactions, Space, Sphere, Spheres};
 
 use super::gas;
-use crate::test_support::Random;
-use crate::{HostDetector, Settings, Skin};
+use crate::test_support::{Random, is_served, new_detector};
+use crate::{Settings, Skin};
 
 fn table() -> Interactions {
     let mut table = Interactions::new(2, Interaction::Never).expect("few species");
@@ -17,14 +17,14 @@ fn follow(
 ) -> usize {
     let ids: Vec<u32> = (0..spheres.len() as u32).map(|k| k % 2).collect();
     let settings = Settings { interactions: Some(table()), space, threads: Some(1), ..Settings::default() };
-    let mut off = HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
-    let mut detector = HostDetector::new(Settings { skin: Skin::Auto, ..settings }).expect("good settings");
+    let mut off = new_detector(Settings { skin: Skin::Off, ..settings.clone() });
+    let mut detector = new_detector(Settings { skin: Skin::Auto, ..settings });
     let (mut random, mut served) = (Random(5), 0);
     for call in calls {
         let spheres_with_ids = Spheres::from(&*spheres).with_species(&ids).expect("one id for each");
         let expected = off.pairs(spheres_with_ids).expect("valid").to_vec();
         assert_eq!(detector.pairs(spheres_with_ids).expect("valid"), expected, "call {call}");
-        served += usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+        served += usize::from(is_served(&detector));
         for (sphere, &species) in spheres.iter_mut().zip(&ids) {
             sphere.center += glam::Vec3::from(step(call, species, &mut random));
         }
@@ -69,8 +69,8 @@ fn species_that_appear_while_candidates_are_kept_lose_no_pair() {
         [(0, 0), (0, 0), (1, 0), (1, 0), (0, 0), (2, 1), (0, 0), (0, 0), (1, 0), (2, 0), (2, 0), (1, 0)];
     for skin in [Skin::Auto, Skin::Fixed(0.5)] {
         let settings = Settings { interactions: Some(table.clone()), skin, ..Settings::default() };
-        let mut detector = HostDetector::new(settings.clone()).expect("good settings");
-        let mut off = HostDetector::new(Settings { skin: Skin::Off, ..settings }).expect("good settings");
+        let mut detector = new_detector(settings.clone());
+        let mut off = new_detector(Settings { skin: Skin::Off, ..settings });
         let mut served = 0;
         for (call, (last, others)) in calls.into_iter().cycle().take(4 * calls.len()).enumerate() {
             let ids: Vec<u32> = (0..1500).map(|k| if k < 1490 { others } else { last }).collect();
@@ -87,7 +87,7 @@ fn species_that_appear_while_candidates_are_kept_lose_no_pair() {
             let spheres_with_ids = spheres.with_species(&ids).expect("an id for each");
             let expected = off.pairs(spheres_with_ids).expect("valid").to_vec();
             assert_eq!(detector.pairs(spheres_with_ids).expect("valid"), expected, "{skin:?}, call {call}");
-            served += usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+            served += usize::from(is_served(&detector));
         }
         assert!(served > 4, "{skin:?}: {served} served");
     }

@@ -29,8 +29,8 @@ impl Rows {
 fn follow(settings: Settings, is_f64: bool, query_of: impl Fn(usize) -> Option<usize>) -> usize {
     let ids = species(SPHERES);
     let bonds = Exclusions::new(SPHERES, (0..400).map(|k| (k, SPHERES as u32 - 1 - k))).expect("in range");
-    let mut off = HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
-    let mut detector = HostDetector::new(settings).expect("good settings");
+    let mut off = new_detector(Settings { skin: Skin::Off, ..settings.clone() });
+    let mut detector = new_detector(settings);
     let (mut spheres, mut random, mut served) = (gas(SPHERES, 3, 20.0), Random(5), 0);
     for call in 0..50 {
         let rows = if is_f64 { Rows::F64(wide(&spheres)) } else { Rows::F32(spheres.clone()) };
@@ -46,7 +46,7 @@ fn follow(settings: Settings, is_f64: bool, query_of: impl Fn(usize) -> Option<u
         let expected = off.pairs(query).expect("valid").to_vec();
         assert!(!expected.is_empty());
         assert_eq!(detector.pairs(query).expect("valid"), expected, "f64: {is_f64}, call {call}");
-        served += usize::from(detector.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+        served += usize::from(is_served(&detector));
         step(&mut spheres, 0.05, &mut random);
     }
     served
@@ -79,7 +79,7 @@ fn candidates_serve_no_other_sets_of_as_many_spheres() {
 fn bad_spheres_of_a_second_set_are_refused_and_forgotten() {
     for is_f64 in [false, true] {
         let settings = Settings { skin: Skin::Fixed(1.0), ..Settings::default() };
-        let mut detector = HostDetector::new(settings).expect("good settings");
+        let mut detector = new_detector(settings);
         let spheres = gas(SPHERES, 2, 20.0);
         let mut count = |spheres: &[Sphere]| {
             let rows = if is_f64 { Rows::F64(wide(spheres)) } else { Rows::F32(spheres.to_vec()) };
