@@ -169,13 +169,10 @@ impl Team {
         match (&self.pool, self.requested) {
             (Some(pool), _) => pool.current_num_threads(),
             (None, Some(threads)) => threads,
-            (None, None) => count(),
+            (None, None) if rayon::current_thread_index().is_some() => rayon::current_num_threads(),
+            (None, None) => cores(),
         }
     }
-}
-
-fn count() -> usize {
-    if rayon::current_thread_index().is_some() { rayon::current_num_threads() } else { cores() }
 }
 
 fn pool(requested: usize) -> Result<ThreadPool, Error> {
@@ -207,7 +204,7 @@ pub fn thread_pool(threads: usize) -> Result<ThreadPool, Error> {
 /// Returns [`Error::OutOfMemory`] if the system refuses the memory.
 pub fn check_thread_memory(threads: usize) -> Result<(), Error> {
     let bytes = threads.saturating_mul(THREAD_MEMORY).saturating_add(MIN_MAPPED);
-    // From the system itself: nothing uses this memory, so that an allocator that counts must not see it.
+    // From the system itself: an allocator that counts must not see memory that nothing uses.
     let is_available = Layout::from_size_align(bytes, 1).is_ok_and(|layout| {
         // SAFETY: the size is above zero, and the same allocator frees the block with the same layout, once.
         unsafe {

@@ -21,7 +21,7 @@ mod tests;
 use std::ops::Range;
 
 use crate::compare::{Columns, Output, PairTest, SimdWidth};
-use crate::input::{Grouping, SearchInput, SizeClass};
+use crate::input::{CenterBounds, Grouping, SearchInput, SizeClass};
 use crate::memory::{try_push, with_growth};
 use crate::report::Report;
 use crate::size_class::SIZE_CLASSES;
@@ -230,18 +230,20 @@ impl CellList {
         try_push(&mut self.groups, groups, "groups of spheres")?;
         let members = self.members.get(group);
         let pairs_within = grouping.pairs_within(group);
-        for level_index in 0..plan.levels.len() {
-            let grid = Self::grid(input, plan, level_index, members, max_cells);
+        for (level_index, level) in plan.levels.iter().enumerate() {
+            let (class, bounds) = match members {
+                None => (SizeClass { count: level.spheres, largest: level.largest }, input.stats.bounds()),
+                Some(members) => (members.level_class(plan, level_index), members.bounds()),
+            };
+            let grid = Self::grid(input, level.cell_size, class, bounds, max_cells);
             let last = self.levels.last();
             let base = last.map_or(0, |last| last.base + last.grid.cells() as usize);
             let from = last.map_or(0, |last| last.members.end);
-            let count = members
-                .map_or(plan.levels[level_index].spheres, |own| own.level_class(plan, level_index).count);
             let effective = match members {
                 Some(own) if grouping.is_narrow() => own.effective,
                 _ => grid.largest(),
             };
-            let members = from..from + count as usize;
+            let members = from..from + class.count as usize;
             let level = LevelGrid { grid, base, group, members, effective, pairs_within, targets: 0..0 };
             try_push(&mut self.levels, level, "levels")?;
         }
@@ -250,25 +252,16 @@ impl CellList {
 
     fn grid(
         input: &SearchInput<'_>,
-        plan: &LevelPlan,
-        level_index: usize,
-        members: Option<&GroupMembers>,
+        cell_size: f64,
+        SizeClass { count, largest }: SizeClass,
+        bounds: CenterBounds,
         max_cells: u64,
     ) -> CellGrid {
-        let level = &plan.levels[level_index];
-        let (spheres, largest, bounds) = match members {
-            None => (level.spheres, level.largest, input.stats.bounds()),
-            Some(members) => {
-                let SizeClass { count, largest } = members.level_class(plan, level_index);
-                (count, largest, members.bounds())
-            }
-        };
-        let most = ((spheres as f32 * CELLS_PER_SPHERE) as u64).min(max_cells);
-        let grid = |cell_size| CellGrid::new(cell_size, bounds, input.test.lengths(), largest, most);
-        let wider =
-            SIZE_FACTORS.map(|by| level.cell_size * by).into_iter().map(grid).find(|grid| !grid.folded);
-        let grid = wider.unwrap_or_else(|| grid(level.cell_size));
-        log::trace!("level of {spheres} spheres: cell_size {}, {grid:?}", level.cell_size);
+        let most = ((count as f32 * CELLS_PER_SPHERE) as u64).min(max_cells);
+        let grid = |factor| CellGrid::new(cell_size * factor, bounds, input.test.lengths(), largest, most);
+        let wider = SIZE_FACTORS.into_iter().map(grid).find(|grid| !grid.folded);
+        let grid = wider.unwrap_or_else(|| grid(1.0));
+        log::trace!("level of {count} spheres: cell_size {cell_size}, {grid:?}");
         grid
     }
 
@@ -347,10 +340,9 @@ fn link(
             else {
                 continue;
             };
-            let cutoff = match members {
-                [] => f64::INFINITY,
-                _ if grouping.sets().is_some() => f64::INFINITY,
-                members => members[a].search_cutoff(&members[b], group_interaction, input.test.frame()),
+            let cutoff = match members.is_empty() || grouping.sets().is_some() {
+                true => f64::INFINITY,
+                false => members[a].search_cutoff(&members[b], group_interaction, input.test.frame()),
             };
             let (radius, forth) = levels[own].search_of(&levels[other], cutoff);
             let (_, back) = levels[other].search_of(&levels[own], cutoff);

@@ -313,7 +313,6 @@ fn check_and_filter<'a>(
 ) -> Result<(bool, Option<PairFilter<'a>>), InputError> {
     let Settings { space, interactions, .. } = settings;
     check_query(query, interactions.as_ref(), executor)?;
-    query.check_exclusions()?;
     let is_framed = is_f64(query) || settings.is_framed();
     Ok((is_framed, PairFilter::new(*query, is_framed.then_some((space, interactions.as_ref())))))
 }
@@ -326,7 +325,8 @@ fn check_query(
     if query.len() as u64 > MAX_SPHERES {
         return Err(InputError::TooManySpheres { count: query.len() as u64 });
     }
-    query.check_each(|spheres| check_species(spheres, table, executor))
+    query.check_each(|spheres| check_species(spheres, table, executor))?;
+    query.check_exclusions()
 }
 
 /// # Errors
@@ -334,6 +334,5 @@ fn check_query(
 pub fn check(query: &Query<'_>, table: Option<&Interactions>, executor: Executor) -> Result<(), InputError> {
     let query = &with_ids(query, table);
     check_query(query, table, executor)?;
-    query.check_exclusions()?;
     check_valid(query, executor)
 }

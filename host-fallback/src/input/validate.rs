@@ -1,4 +1,4 @@
-use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Query, Spheres};
+use lazygrid_kernels::{InputError, Interactions, Query, Spheres};
 
 use crate::executor::{Chunks, Executor};
 
@@ -21,14 +21,11 @@ pub(super) fn check(spheres: Spheres<'_>, executor: Executor) -> Result<(), Inpu
     }
 }
 
-pub(crate) fn check_species(
+pub(super) fn check_species(
     spheres: Spheres<'_>,
     interactions: Option<&Interactions>,
     executor: Executor,
 ) -> Result<(), InputError> {
-    if spheres.len() as u64 > MAX_SPHERES {
-        return Err(InputError::TooManySpheres { count: spheres.len() as u64 });
-    }
     let Some(table) = interactions else { return Ok(()) };
     let ids = spheres.species().ok_or(InputError::SpeciesMissing)?;
     match find(ids.len(), executor, |i| ids[i] >= table.species())? {

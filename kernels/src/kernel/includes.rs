@@ -1,49 +1,14 @@
-pub(super) const INCLUDES: [(&str, &str); 47] = [
-    ("candidates", include_str!("../shader/shared/candidates.wgsl")),
-    ("cell_assignment", include_str!("../shader/shared/cell_assignment.wgsl")),
-    ("cell_list", include_str!("../shader/shared/cell_list.wgsl")),
-    ("cell_list_levels", include_str!("../shader/shared/cell_list_levels.wgsl")),
-    ("cell_list_reuse", include_str!("../shader/shared/cell_list_reuse.wgsl")),
-    ("cell_list_search", include_str!("../shader/shared/cell_list_search.wgsl")),
-    ("cell_list_setup", include_str!("../shader/shared/cell_list_setup.wgsl")),
-    ("cell_numbers", include_str!("../shader/shared/cell_numbers.wgsl")),
-    ("cells", include_str!("../shader/shared/cells.wgsl")),
-    ("digit_pass", include_str!("../shader/shared/digit_pass.wgsl")),
-    ("dispatch_2d", include_str!("../shader/shared/dispatch_2d.wgsl")),
-    ("displacement", include_str!("../shader/shared/displacement.wgsl")),
-    ("effective_radius", include_str!("../shader/shared/effective_radius.wgsl")),
-    ("entry", include_str!("../shader/shared/entry.wgsl")),
-    ("evaluation_order", include_str!("../shader/shared/evaluation_order.wgsl")),
-    ("far_tiles", include_str!("../shader/shared/far_tiles.wgsl")),
-    ("float_order", include_str!("../shader/shared/float_order.wgsl")),
-    ("inflated_radius", include_str!("../shader/shared/inflated_radius.wgsl")),
-    ("key_hash", include_str!("../shader/shared/key_hash.wgsl")),
-    ("layout", include_str!("../shader/shared/layout.wgsl")),
-    ("neighbor_cells", include_str!("../shader/shared/neighbor_cells.wgsl")),
-    ("occupancy", include_str!("../shader/shared/occupancy.wgsl")),
-    ("occupancy_add", include_str!("../shader/shared/occupancy_add.wgsl")),
-    ("occupancy_slot", include_str!("../shader/shared/occupancy_slot.wgsl")),
-    ("outcome_begin", include_str!("../shader/shared/outcome_begin.wgsl")),
-    ("outcome_clear", include_str!("../shader/shared/outcome_clear.wgsl")),
-    ("overlap", include_str!("../shader/shared/overlap.wgsl")),
-    ("pairs", include_str!("../shader/shared/pairs.wgsl")),
-    ("periods", include_str!("../shader/shared/periods.wgsl")),
-    ("reserve", include_str!("../shader/shared/reserve.wgsl")),
-    ("reserve_by_subgroup", include_str!("../shader/shared/reserve_by_subgroup.wgsl")),
-    ("reused_cell", include_str!("../shader/shared/reused_cell.wgsl")),
-    ("runs_search", include_str!("../shader/shared/runs_search.wgsl")),
-    ("side", include_str!("../shader/shared/side.wgsl")),
-    ("skin", include_str!("../shader/shared/skin.wgsl")),
-    ("sphere", include_str!("../shader/shared/sphere.wgsl")),
-    ("stats", include_str!("../shader/shared/stats.wgsl")),
-    ("store_sorted", include_str!("../shader/shared/store_sorted.wgsl")),
-    ("subgroup_max", include_str!("../shader/shared/subgroup_max.wgsl")),
-    ("thread", include_str!("../shader/shared/thread.wgsl")),
-    ("thread_builtins", include_str!("../shader/shared/thread_builtins.wgsl")),
-    ("thread_from_builtins", include_str!("../shader/shared/thread_from_builtins.wgsl")),
-    ("tile", include_str!("../shader/shared/tile.wgsl")),
-    ("u64", include_str!("../shader/shared/u64.wgsl")),
-    ("workgroup_scan", include_str!("../shader/shared/workgroup_scan.wgsl")),
-    ("wrap", include_str!("../shader/shared/wrap.wgsl")),
-    ("wrapped_sphere", include_str!("../shader/shared/wrapped_sphere.wgsl")),
-];
+macro_rules! includes {
+    ($($name:ident)*) => {
+        [$((stringify!($name), include_str!(concat!("../shader/shared/", stringify!($name), ".wgsl")))),*]
+    };
+}
+
+pub(super) const INCLUDES: [(&str, &str); 47] = includes! {
+    candidates cell_assignment cell_list cell_list_levels cell_list_reuse cell_list_search cell_list_setup
+    cell_numbers cells digit_pass dispatch_2d displacement effective_radius entry evaluation_order
+    far_tiles float_order inflated_radius key_hash layout neighbor_cells occupancy occupancy_add
+    occupancy_slot outcome_begin outcome_clear overlap pairs periods reserve reserve_by_subgroup
+    reused_cell runs_search side skin sphere stats store_sorted subgroup_max thread thread_builtins
+    thread_from_builtins tile u64 workgroup_scan wrap wrapped_sphere
+};

@@ -34,7 +34,6 @@ pub(super) struct Neighbor {
 struct Entry {
     pair: Pair,
     bond: ImageVector,
-    distance: f64,
 }
 
 pub(super) struct OutputSlices<'s> {
@@ -56,40 +55,27 @@ impl<'s> OutputSlices<'s> {
     }
 
     #[inline(always)]
-    fn put_near(&mut self, at: usize, pair: Pair, vector: [f64; 3]) {
+    fn put(&mut self, at: usize, Entry { pair, bond }: &Entry) {
         if let Some(slot) = self.pairs.get_mut(at) {
-            *slot = pair;
+            *slot = *pair;
         }
         if let Some(slot) = self.shifts.get_mut(at) {
-            *slot = [0; 3];
+            *slot = bond.shift;
         }
         if let Some(slot) = self.vectors.get_mut(at) {
-            *slot = vector;
+            *slot = bond.vector;
         }
         if let Some(slot) = self.distances.get_mut(at) {
-            *slot = length_of(vector);
+            *slot = bond.length();
         }
-    }
-
-    #[inline]
-    fn put(&mut self, at: usize, entry: &Entry) {
-        fn put<T>(slots: &mut [T], at: usize, value: T) {
-            if let Some(slot) = slots.get_mut(at) {
-                *slot = value;
-            }
-        }
-        put(self.pairs, at, entry.pair);
-        put(self.shifts, at, entry.bond.shift);
-        put(self.vectors, at, entry.bond.vector);
-        put(self.distances, at, entry.distance);
     }
 }
 
 #[inline(always)]
-fn length_of(vector: [f64; 3]) -> f64 {
+fn unshifted(vector: [f64; 3]) -> ImageVector {
     let mut image = ImageVector::default();
     image.vector = vector;
-    image.length()
+    image
 }
 
 pub(super) struct RowChunk<'s> {
@@ -170,7 +156,7 @@ impl<'s> RowChunk<'s> {
                     self.take(&entry);
                 }
             } else if !is_open || fill.is_closer(i, j, vector) {
-                self.slices.put_near(self.filled, Pair { i, j }, vector);
+                self.slices.put(self.filled, &Entry { pair: Pair { i, j }, bond: unshifted(vector) });
                 self.filled += 1;
             }
         }
@@ -231,7 +217,7 @@ impl Fill<'_> {
         if !is_requested || self.cutoff(i, i)? <= 0.0 {
             return None;
         }
-        Some(Entry { pair: Pair { i, j: i }, bond: ImageVector::default(), distance: 0.0 })
+        Some(Entry { pair: Pair { i, j: i }, bond: ImageVector::default() })
     }
 
     #[inline(never)]
@@ -277,17 +263,14 @@ impl Fill<'_> {
 
     #[inline(always)]
     fn entry(&self, i: u32, j: u32, bond: ImageVector) -> Option<Entry> {
-        let ListOptions { is_open, distances, .. } = self.options;
-        if is_open && !self.is_closer(i, j, bond.vector) {
-            return None;
-        }
-        let distance = if distances { bond.length() } else { 0.0 };
-        Some(Entry { pair: Pair { i, j }, bond, distance })
+        let is_listed = !self.options.is_open || self.is_closer(i, j, bond.vector);
+        is_listed.then_some(Entry { pair: Pair { i, j }, bond })
     }
 
     #[inline(always)]
     fn is_closer(&self, i: u32, j: u32, vector: [f64; 3]) -> bool {
-        self.cutoff(i, j).is_some_and(|cutoff| is_clear(vector, cutoff) || length_of(vector) < cutoff)
+        self.cutoff(i, j)
+            .is_some_and(|cutoff| is_clear(vector, cutoff) || unshifted(vector).length() < cutoff)
     }
 
     /// Returns the cutoff, `Some(None)` if radii decide it, and `None` if the spheres never pair.
