@@ -32,8 +32,8 @@ impl<'a, T: Copy> DisjointSlice<'a, T> {
 pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
     let len = numbers.len();
     const { assert!(align_of::<AtomicU32>() == align_of::<u32>()) };
-    // SAFETY: an `AtomicU32` has the size and the values of a `u32`, and here its alignment; while the result lives
-    // no other access exists, because `numbers` is borrowed exclusively.
+    // SAFETY: an `AtomicU32` has the size and values of a `u32`, and here its alignment; `numbers` is borrowed exclusively
+    // while the result lives.
     unsafe { std::slice::from_raw_parts(numbers.as_mut_ptr().cast(), len) }
 }
 

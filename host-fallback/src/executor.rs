@@ -1,6 +1,5 @@
-//! The threads of a call: the calling thread, or a rayon pool. No other module uses rayon.
-//!
-//! The first chunk of work that fails ends the work with its error.
+//! The threads of a call: the calling thread, or a rayon pool. No other module uses rayon. The first chunk that fails
+//! ends the work.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::error::Error as _;
@@ -16,12 +15,12 @@ use crate::Error;
 
 /// Maximum threads of a pool per core: a process may get more cores while it runs.
 const MAX_THREADS_PER_CORE: usize = 4;
-/// Number of threads that a pool may always start.
+/// Threads that a pool may always start.
 const MIN_MAX_THREADS: usize = 16;
 
-/// Bytes of the stack that Rust gives a thread, and of the pages that the C library maps for its thread-local values.
+/// Bytes of a thread's stack in Rust, and of the pages that the C library maps for its thread-local values.
 const THREAD_MEMORY: usize = (2 << 20) + (1 << 18);
-/// glibc may serve smaller allocations from memory that it holds, in which threads cannot be started.
+/// glibc may serve smaller allocations from its own memory, in which threads cannot start.
 const MIN_MAPPED: usize = (32 << 20) + 1;
 
 /// Below this number of spheres, waking threads takes as long as a light pass.
@@ -139,7 +138,7 @@ impl Team {
         Ok(Self { pool, requested })
     }
 
-    /// Runs a pass over `count` items, in the pool if there are enough.
+    /// Runs a pass over `count` items, in the pool if they are enough.
     ///
     /// # Errors
     /// The errors of `task`, and [`Error::ThreadPool`].
@@ -197,8 +196,8 @@ pub fn thread_pool(threads: usize) -> Result<ThreadPool, Error> {
     Ok(pool)
 }
 
-/// Checks that there is memory for the stacks and the thread-local values of `threads` more threads. The C library ends
-/// the process if a thread cannot allocate these values.
+/// Checks that there is memory for the stacks and thread-local values of `threads` more threads. Without memory for these
+/// values, the C library ends the process.
 ///
 /// # Errors
 /// Returns [`Error::OutOfMemory`] if the system refuses the memory.
@@ -237,8 +236,8 @@ fn cores() -> usize {
     available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts rayon's global pool, unless it runs or the caller is in another pool. Rayon itself would panic if the system
-/// refused the threads.
+/// Starts rayon's global pool, unless it runs or the caller is in another pool. Rayon would panic if the system refused
+/// the threads.
 ///
 /// # Errors
 /// Returns [`Error::ThreadPool`] if the system refuses the threads, or refused them before, and [`Error::OutOfMemory`].

@@ -13,7 +13,7 @@ use crate::{Error, InputStats};
 const DEPTHS: usize = 21;
 /// Fewer coincidences (pairs of sampled spheres in one cube) at a depth may be chance.
 const MIN_COINCIDENCES: u64 = 24;
-/// Estimated nanoseconds of an exact test, with random access to the spheres.
+/// Estimated nanoseconds of an exact test, with random access.
 pub(super) const EXACT_TEST_NS: f32 = 60.0;
 const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
@@ -25,13 +25,12 @@ pub(crate) struct DensityProfile {
     /// log₂ of the longest axis of the grid.
     log_extent: f32,
     pub(super) periodic_axes: i32,
-    /// log₂ of the mean at size `2^(top - depth)`, for each resolved depth.
+    /// log₂ of the mean at size `2^(top - depth)`, per resolved depth.
     log_mean: Vec<f32>,
     /// Decrease of log₂ of the mean per halving below these depths.
     slope: f32,
-    /// Number of searches, relative to that without groups.
+    /// Searches relative to a search without groups.
     pub(crate) searches: f32,
-    /// Estimated nanoseconds of a comparison.
     pub(crate) compare_ns: f32,
 }
 
@@ -71,7 +70,7 @@ impl DensityProfile {
             log_mean.push((n * shared as f32 / pairs).log2());
         }
         if let Some(grouping) = grouping {
-            // With too few pairs, the fraction of the enclosing cubes is an upper estimate.
+            // With too few pairs, the fraction of enclosing cubes is an upper estimate.
             let mut fraction = 1.0;
             for (depth, log_mean) in log_mean.iter_mut().enumerate() {
                 let [met, all] = compared_pairs(codes, depth, grouping);
@@ -111,7 +110,7 @@ impl DensityProfile {
         stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
 
-    /// Returns the mean number in a cube of size 2^`log_size` around a sphere, itself included.
+    /// Returns the mean number of spheres in a cube of size 2^`log_size` around a sphere, itself included.
     pub(crate) fn mean(&self, log_size: f32) -> f32 {
         let (depth, last) = ((self.top - log_size).max(0.0), self.log_mean.len() - 1);
         let log_mean = if depth >= last as f32 {

@@ -1,4 +1,4 @@
-//! A density sample and the resulting division of species into groups, which small inputs reuse.
+//! A density sample and its division of species into groups, which small inputs reuse.
 
 use glam::Vec3;
 
@@ -16,15 +16,15 @@ const MAX_REUSES: u32 = 15;
 const MAX_BOUNDS_SHIFT: f32 = 0.0625;
 /// A finer division must cost less than this fraction of the coarser one.
 const MAX_FINER_COST: f32 = 0.9;
-/// The limit for a division by distance: stricter, because its estimate is coarse.
+/// Stricter for a division by distance, because its estimate is coarse.
 const MAX_NARROW_COST: f32 = 0.5;
-/// Nanoseconds per sphere. A search that costs less gains little by a division by distance.
+/// Nanoseconds per sphere. Cheaper searches gain little by a division by distance.
 const MIN_DIVISION_NS: f32 = 200.0;
 /// Estimated nanoseconds per sphere of a search between groups.
 const CROSSING_NS: f32 = 60.0;
 
 impl Sample {
-    /// Estimates the nanoseconds of a search with one plan for all groups.
+    /// Estimates the nanoseconds with one plan for all groups.
     fn cost(&self, input: &SearchInput<'_>, density: &DensityProfile, grouping: &Grouping<'_>) -> f32 {
         let exact = match grouping.is_by_radii() {
             true => 0.0,

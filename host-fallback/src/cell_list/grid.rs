@@ -1,7 +1,7 @@
 //! The cells of one level, in contiguous rows.
 //!
-//! A grid with too many cells is folded: cells whose coordinates agree modulo the grid's size share a table entry.
-//! Folding adds comparisons, never pairs.
+//! A grid with too many cells is folded: cells whose coordinates agree modulo its size share a table entry, which adds
+//! comparisons, never pairs.
 
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ use crate::math::floor;
 const MAX_COUNTED_CELLS: f64 = (1_u64 << 50) as f64;
 /// Below this half width of a range, in cells, a far sphere touches only spheres with an equal coordinate.
 const FAR_CELLS: f64 = (1_u64 << 24) as f64;
-/// Maximum repeats of a folded grid along a periodic axis: cell numbers stay exact, and cells far larger than rounding.
+/// Maximum repeats of a folded grid along a periodic axis. Cell numbers stay exact, and cells far larger than rounding.
 const MAX_REPEATS: f64 = (1_u64 << 20) as f64;
 /// Rounding error relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
@@ -32,7 +32,6 @@ pub(crate) struct CellGrid {
     cell_sizes: [f64; 3],
     periodic: [bool; 3],
     pub(crate) size: [u32; 3],
-    /// Inverse of `size`.
     per_size: [f64; 3],
     pub(crate) folded: bool,
     /// Rows may wrap.
@@ -171,8 +170,8 @@ impl CellGrid {
         CellRange { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
-    /// Returns bounds within which a sphere of `cell`, radius included, touches no sphere of lower or higher cells
-    /// along each axis. They are inward by far more than `f32` rounding, or infinite. The grid must not be folded.
+    /// Returns bounds within which a sphere of `cell`, radius included, touches no sphere of lower or higher cells.
+    /// They are inward by far more than `f32` rounding, or infinite. The grid must not be folded.
     #[inline(always)]
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
@@ -188,8 +187,7 @@ impl CellGrid {
         (low, high)
     }
 
-    /// Returns the part of a cell beginning at `at` cells, in the grid's coordinates, that no sphere of other cells
-    /// along the axis reaches.
+    /// Returns the part of the cell beginning at `at`, in cells, that no sphere of other cells along the axis reaches.
     #[inline(always)]
     fn interior(&self, axis: usize, at: f64) -> [f32; 2] {
         let cell_size = self.cell_sizes[axis];
@@ -229,8 +227,7 @@ impl CellGrid {
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
                     let cells = self.axes.last[axis] + 1.0;
-                    // Wrapping may move a coordinate by the rounding of a length, so a center at the end of the axis
-                    // may touch the first cell.
+                    // Wrapping may round a coordinate, so a center at the end of the axis may touch the first cell.
                     let (at, span) = (x * per_length + 0.5 * cells, half * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }
@@ -270,7 +267,7 @@ impl CellGrid {
         cell
     }
 
-    /// Hashes the coordinate: so far away, only spheres with equal coordinates can touch.
+    /// Hashes the coordinate, because so far away only equal coordinates can touch.
     fn far_cell(&self, axis: usize, at: f32) -> u32 {
         at.to_bits().wrapping_mul(0x9E37_79B1) % self.size[axis]
     }

@@ -13,11 +13,11 @@ const CHUNK_SPHERES: usize = 1 << 14;
 
 #[derive(Clone, Debug)]
 pub(super) struct GroupMembers {
-    /// Classes of the radius within the group, with the skin when candidates are searched.
+    /// Classes of the radius within the group, with the skin for candidates.
     pub(super) classes: [SizeClass; SIZE_CLASSES],
     pub(super) effective: f32,
     bounds: CenterBounds,
-    /// Largest radius; with a skin, the largest to which radii may grow without changing effective radii.
+    /// Largest radius; with a skin, the largest that changes no effective radius.
     radius: f32,
     margin: f32,
 }
@@ -51,7 +51,7 @@ impl GroupMembers {
         self.margin = self.margin.max(other.margin);
     }
 
-    /// Two sets without other groups get the bounds of all spheres and no radii: only other groups need them.
+    /// Two sets without other groups get the bounds of all spheres and no radii.
     pub(super) fn count(
         all: &mut Vec<Self>,
         input: &SearchInput<'_>,

@@ -1,7 +1,7 @@
 //! Choice of the size classes that share a level, and of each level's cell size.
 //!
-//! A search compares each sphere with neighbor cells at its own level and every coarser one. Few levels mean long
-//! runs of spheres too small for their cells; many mean short runs. Dynamic programming minimizes the estimated cost.
+//! A search compares each sphere with neighbor cells at its own and every coarser level. Few levels mean long runs of
+//! spheres too small for their cells; many mean short runs. Dynamic programming minimizes the estimated cost.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
 
@@ -10,7 +10,7 @@ use crate::InputStats;
 use crate::input::SizeClass;
 use crate::size_class::SIZE_CLASSES;
 
-/// Estimated nanoseconds to look up one row of cells and start comparing.
+/// Estimated nanoseconds to look up a row of cells.
 const ROW_NS: f32 = 14.0;
 /// Estimated nanoseconds to clear and sum a table entry.
 const CELL_NS: f32 = 0.7;
@@ -20,8 +20,8 @@ pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
 const FOLDED_ROWS: f32 = 4.0;
 /// Estimated factor on the time of rows around cells at faces of a periodic box.
 const BOUNDARY_ROWS: f32 = 2.0;
-/// Folding pays if comparisons with the spheres in eight cells of the finest unfolded table are estimated to take more
-/// than this. The estimate suits short runs. Long runs take less, above all without minimum images.
+/// Folding pays if comparisons with the spheres in eight cells of the finest unfolded table take more. The estimate
+/// suits short runs. Long runs take less, above all without minimum images.
 const MIN_FOLDING_NS: f32 = 800.0;
 const MIN_PERIODIC_FOLDING_NS: f32 = 200.0;
 /// With fewer spheres in eight cells, smaller cells save nothing.
@@ -110,8 +110,8 @@ struct LevelCostModel<'c> {
 }
 
 impl LevelCostModel<'_> {
-    /// Offers every level from class `from`: the end of its classes, the cost for them and all smaller spheres, and
-    /// log₂ of the cell size.
+    /// Offers every level from class `from`: the end of its classes, its cost for them and all smaller spheres, and
+    /// log₂ of its cell size.
     fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
         let ends = from + 1..=self.counts.len();
         let extent = self.density.log_extent();
@@ -134,7 +134,7 @@ impl LevelCostModel<'_> {
             let mut rest = [0.0, 0.0];
             for to in ends.clone().rev() {
                 let members = members(to);
-                // Rounding must not exclude the size that just fits.
+                // Rounding must not exclude a size that just fits.
                 if is_folded || cells <= 1.001 * most[to - from - 1] {
                     let table = CELL_NS * cells.min(members * CELLS_PER_SPHERE);
                     let cost = table + rows + rest[0] + members / self.total * (met + rest[1]);
@@ -167,8 +167,8 @@ impl LevelCostModel<'_> {
         if is_folded { FOLDED_ROWS } else { 1.0 + (BOUNDARY_ROWS - 1.0) * (1.0 - inner) }
     }
 
-    /// Returns costs of each class: for the later half of the rows around its spheres, and for the comparisons there if
-    /// the level held all spheres.
+    /// Returns costs of each class: of the later half of the rows around its spheres, and of comparisons there if the
+    /// level held all spheres.
     fn halves(
         &self,
         from: usize,

@@ -1,8 +1,7 @@
 //! Hierarchical cell list: every sphere is in the cell of its center, at the level of its size.
 //!
-//! All levels are sorted together, coarse ones first. Each sphere searches the cells around it: for later spheres at
-//! its own level, and for all at coarser ones. So a pair is found once, from its finer or, within a level, earlier
-//! sphere.
+//! All levels are sorted together, coarse ones first. Each sphere searches the cells around it for later spheres at its
+//! own level and for all at coarser ones. So a pair is found once, from its finer or, within a level, earlier sphere.
 //!
 //! Groups of spheres, such as two sets or species with the same partners, have separate levels. Of two levels whose
 //! groups pair, one searches the other. A group that pairs much farther with others than within itself may have grids
@@ -38,7 +37,7 @@ use sort::Sorter;
 const MAX_CELLS_PER_LEVEL: u64 = 1 << 26;
 /// Far more than the rounding of a sum of two radii.
 const SUM_ROUNDING: f64 = 1.0 / (1 << 21) as f64;
-/// Factors on the planned cell size that avoid a folded table, which is slower.
+/// Factors on the planned cell size that avoid a slower, folded table.
 const SIZE_FACTORS: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
 #[derive(Debug, Default)]
@@ -84,11 +83,11 @@ impl CachedPlan {
 #[derive(Clone, Debug)]
 struct LevelGrid {
     grid: CellGrid,
-    /// Number of cells of earlier levels.
+    /// Cells of earlier levels.
     base: usize,
     group: usize,
     members: Range<usize>,
-    /// Largest effective radius. The grid is for radii within the group.
+    /// Largest effective radius; the grid is for radii within the group.
     effective: f32,
     pairs_within: bool,
     targets: Range<usize>,
@@ -187,7 +186,7 @@ impl CellList {
         report.time("sort", || self.sorter.sort(input, cells, &mut self.columns, &mut self.starts))
     }
 
-    /// Each group has its own plan if radii within some group are below the effective radii.
+    /// Each group has a plan if radii within some group are below effective radii.
     fn plan_levels(
         &mut self,
         input: &SearchInput<'_>,

@@ -11,7 +11,7 @@ use crate::input::{SearchInput, search_chunks};
 
 /// A chunk takes some tens of microseconds at moderate density.
 const CHUNK_SPHERES: usize = 1 << 10;
-/// With at most this average number of runs per hit, hits are queued.
+/// With at most this mean number of runs per hit, hits are queued.
 const RUNS_PER_HIT: usize = 2;
 
 pub(super) fn search<'o, O: Output>(
@@ -100,7 +100,7 @@ fn crosses([x, y, z, radius]: Xyzr, (low, high): &([f32; 3], [f32; 3])) -> bool 
     is_outside(0, x) | is_outside(1, y) | is_outside(2, z)
 }
 
-/// Returns the cells of one end of a block that are not adjacent to `cell`; none if `cell` is among them.
+/// Returns the cells of one end of a block that are not adjacent to `cell`; none if they contain `cell`.
 #[inline(always)]
 fn outside(cells: &Range<u32>, cell: u32) -> Range<u32> {
     if cells.contains(&cell) {
@@ -189,8 +189,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues later spheres in those cells of the block that are adjacent to `cell`, the sphere's own, only across a
-    /// periodic boundary.
+    /// Queues later spheres in cells that are adjacent to `cell`, the sphere's own, only across a periodic boundary.
     #[inline(always)]
     fn across_boundary(&mut self, level: &LevelGrid, at: usize, cell: [u32; 3]) {
         let [x, y, z, radius] = self.list.columns.sphere(at);

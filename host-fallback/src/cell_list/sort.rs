@@ -1,8 +1,8 @@
 //! Sorts spheres by cell in two stable passes: into buckets of consecutive cells, then within buckets. The order does
 //! not depend on threads.
 //!
-//! A single counting sort would miss every cache for large inputs. The bucket ends stay in cache in the first pass, and
-//! each bucket in the second.
+//! A single counting sort would miss every cache for large inputs. Bucket ends stay in cache in the first pass, and each
+//! bucket in the second.
 
 use bytemuck::Zeroable;
 
@@ -89,7 +89,7 @@ impl Sorter {
                 [x[at], y[at], z[at], r[at]] = entry.row;
                 id[at] = entry.id;
             }
-            // Each start has advanced to the end of its cell, where the next cell starts.
+            // Each start has advanced to the start of the next cell.
             let before = (ends[bucket] - entries.len()) as u32;
             cells.iter_mut().for_each(|end| *end += before);
         });

@@ -177,7 +177,7 @@ fn groups_of_species_match_naive() {
 
 #[test]
 fn slightly_too_many_cells_do_not_fold_the_table() {
-    // Sums of four are about normal, so no cells are as good as the smallest.
+    // Sums of four coordinates are about normal, so the smallest cells are best.
     let cloud: Vec<_> = scattered(80_000, 0, 1e5)
         .chunks(4)
         .map(|four| Sphere::new(four.iter().map(|sphere| sphere.center).sum::<glam::Vec3>(), 1.0))

@@ -12,8 +12,8 @@ use crate::memory::try_collect;
 /// About 0.2 ms (50 ns per pair of distant spheres).
 const CHUNK_PAIRS: usize = 1 << 12;
 
-/// A filter of listed candidates, such as those of a device. In a triclinic frame, the spheres of the frame decide most
-/// candidates in `f32`.
+/// A filter of listed candidates, such as those of a device. In a triclinic frame, its spheres decide most candidates in
+/// `f32`.
 #[derive(Clone, Debug)]
 pub struct CandidateFilter<'a> {
     exact: &'a PairFilter<'a>,
@@ -32,7 +32,7 @@ impl<'a> CandidateFilter<'a> {
         certain || (possible && self.exact.accepts(pair.i, pair.j))
     }
 
-    /// Returns two flags: contact is possible, and contact is certain.
+    /// Returns `true` if contact is possible, and if it is certain.
     fn near_contact(&self, pair: &Pair) -> [bool; 2] {
         self.near.as_ref().map_or([true, false], |(near, searched)| {
             let [a, b] = [pair.i, pair.j].map(|k| row(searched, k));

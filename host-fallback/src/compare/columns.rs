@@ -80,8 +80,7 @@ impl Columns {
     pub(crate) fn lanes<const N: usize>(&self, base: usize) -> [&[f32; N]; 4] {
         const { assert!(N <= MAX_LANES) };
         assert!(base < self.len, "a load starts at a sphere");
-        // SAFETY: by the invariant each column has `len + MAX_LANES` values, because there is a sphere, and `base + N`
-        // is less.
+        // SAFETY: there is a sphere, so by the invariant each column has `len + MAX_LANES` values, more than `base + N`.
         let lanes = |column: &Vec<f32>| unsafe { &*column.as_ptr().add(base).cast::<[f32; N]>() };
         [lanes(&self.x), lanes(&self.y), lanes(&self.z), lanes(&self.r)]
     }

@@ -3,7 +3,7 @@
 //! # Correctness
 //!
 //! The consumer runs in a thread outside the pool, so it may wait for the pool of another detector. In a searching
-//! thread, such a wait could execute other work of the same pool, which could in turn wait for this consumer.
+//! thread, such a wait could execute other work of this pool, which could in turn wait for the consumer.
 
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};

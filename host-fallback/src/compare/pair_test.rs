@@ -35,9 +35,9 @@ pub(crate) struct PairTest<'a> {
     filter: Option<&'a PairFilter<'a>>,
     frame: Option<&'a SearchFrame>,
     triclinic: Option<TriclinicFilter>,
-    /// Certain contacts need no further test.
+    /// Certain contacts need no test.
     is_plain: bool,
-    /// Squared cutoffs may be infinite in `f32`, so that no contact is certain.
+    /// Squared cutoffs may be infinite in `f32`, so no contact is certain.
     overflows: bool,
 }
 
@@ -45,7 +45,6 @@ pub(crate) struct PairTest<'a> {
 pub(crate) struct SphereRadii {
     pub(crate) center: Vec3,
     pub(crate) own: f32,
-    /// Radius that covers the interactions of the species.
     pub(crate) effective: f32,
     pub(crate) margin: f32,
     pub(crate) widened: f32,
@@ -65,7 +64,7 @@ struct Species<'a> {
     species_radii: Cow<'a, [SpeciesRadius]>,
 }
 
-/// Rounds up: candidates must include every possible pair.
+/// Rounds up, because candidates must include every possible pair.
 #[inline(always)]
 fn widened(radius: f32, margin: f32) -> f32 {
     (radius + margin).next_up()

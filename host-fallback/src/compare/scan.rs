@@ -52,7 +52,7 @@ pub(crate) fn scan<V: SimdWidth, S: Sink>(
     hit_vectors
 }
 
-/// Appends without a branch: with hits in every second vector, branches would be mispredicted.
+/// Appends without a branch, which hits in every second vector would mispredict.
 pub(crate) struct HitQueue {
     at: [u32; Self::CAPACITY],
     base: [u32; Self::CAPACITY],

@@ -1,7 +1,7 @@
 //! Outputs of a search: counters, lists and consumers of chunks.
 //!
-//! Threads share an [`Output`]; each opens a [`Sink`]. Sinks are merged in order of their work, so a list does not
-//! depend on threads.
+//! Threads share an [`Output`]; each opens a [`Sink`]. Sinks are merged in order of their work, so lists do not depend on
+//! threads.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -15,9 +15,9 @@ use super::simd::SimdWidth;
 use crate::Error;
 use crate::memory::{self, try_resize};
 
-/// Pairs per chunk: 64 KiB, far below a core's cache, and large enough to amortize delivery.
+/// Pairs per chunk: 64 KiB, far below a core's cache, but enough to amortize delivery.
 const CHUNK: usize = 8192;
-/// Pairs of a chunk's initial part, which is cleared before it is filled.
+/// Pairs of a chunk's initial part, which is cleared first.
 const MIN_CHUNK: usize = 256;
 /// Maximum partly filled chunks per thread, at the ends of its tasks.
 const PARTLY_FILLED: u64 = 8;
@@ -40,7 +40,7 @@ pub(crate) trait Sink: Send + Sized {
 
     fn pair(&mut self, pair: Pair);
 
-    /// Returns the lanes that [`hits`](Self::hits) would not drop, so that no others are decided.
+    /// Returns the lanes that [`hits`](Self::hits) would not drop; others need no decision.
     #[inline(always)]
     fn wanted(&self, _id: u32, _ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
         lanes
@@ -171,7 +171,7 @@ impl<'c> ChunkedOutput<'c> {
                 Err(_) => self.stop.store(true, Relaxed),
             },
             ChunkTarget::Channel(sender) => {
-                // An empty chunk would end the thread. It ends early only after a panic or an error.
+                // An empty chunk would end the thread, which ends early only after a panic or an error.
                 if !chunk.is_empty() && !self.stop.load(Relaxed) {
                     if sender.send(chunk).is_err() {
                         self.stop.store(true, Relaxed);

@@ -4,7 +4,7 @@ use lazygrid_kernels::DistanceMap;
 use super::{Columns, MAX_LANES, PairFilter, Xyzr};
 use crate::frame::SearchFrame;
 
-/// Relative and absolute slack of certain contacts; the absolute one is a fraction of the longest axis.
+/// Relative and absolute slack of certain contacts; the absolute slack is a fraction of the longest axis.
 const CERTAIN_SLACK: [f32; 2] = [1.0 / (1 << 16) as f32, 1.0 / (1 << 18) as f32];
 /// Relative slack of possible contacts.
 const POSSIBLE_SLACK: f32 = 1.0 / (1 << 16) as f32;
@@ -37,7 +37,7 @@ pub(crate) struct TriclinicFilter {
     max_sum: f32,
     /// Subtracted from sums of radii; infinite if no contact is certain.
     certain_slack: f32,
-    /// Added to sums of radii that include displacement limits, by which a distance in space may change more than in
+    /// Added to sums of radii with displacement limits, by which a distance in space may change more than in
     /// orthogonalized coordinates.
     margin: f32,
     norm: f32,
@@ -77,7 +77,7 @@ impl TriclinicFilter {
         Self { margin: (2.0 * (self.norm - 1.0).max(0.0) * limit).next_up(), ..self.without_certain() }
     }
 
-    /// Returns the lanes of possible and of certain contacts. May read padding.
+    /// Returns the lanes of possible and certain contacts. May read padding.
     #[inline]
     pub(crate) fn touching(&self, columns: &Columns, at: usize, base: usize) -> [u32; 2] {
         let (own, [x, y, z, r]) = (columns.sphere(at), columns.lanes::<MAX_LANES>(base));
@@ -90,7 +90,7 @@ impl TriclinicFilter {
         lanes
     }
 
-    /// Returns two flags: contact is possible, and contact is certain.
+    /// Returns `true` if contact is possible, and if it is certain.
     #[inline(always)]
     pub(crate) fn touch(&self, a: Xyzr, b: Xyzr) -> [bool; 2] {
         let apart = |axis: usize| {

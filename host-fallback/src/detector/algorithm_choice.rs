@@ -27,9 +27,8 @@ impl IndexKind {
     }
 }
 
-/// Inputs with fewer spheres than this plus [`NAIVE_PER_CLASS`] per size class compare all pairs, because sampling and
-/// sorting cost more. Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs a
-/// few microseconds.
+/// Fewer spheres than this plus [`NAIVE_PER_CLASS`] per size class compare all pairs, because sampling and sorting cost
+/// more. Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs microseconds.
 pub const NAIVE_BELOW: usize = 400;
 /// Increase per size class, because each slows the plan of the cell list.
 pub const NAIVE_PER_CLASS: usize = 80;
@@ -49,8 +48,7 @@ pub fn choose(requested: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     }
 }
 
-/// Numbers of comparisons between two sets that cost as much as sorting one sphere, and as searching one of the smaller
-/// set.
+/// Comparisons between two sets that cost as much as sorting a sphere, and as searching one of the smaller set.
 const COMPARED_PER_SORTED: u64 = 55;
 const COMPARED_PER_SEARCHED: u64 = 300;
 

@@ -11,14 +11,14 @@ use crate::memory::{try_collect, try_resize};
 use crate::output::{NeighborsBuilder, PairSorter};
 use crate::{Error, Neighbors, Order, PhaseTime, Settings};
 
-/// Maximum pairs of a streamed chunk of two sets, which is copied: 8 MiB.
+/// Maximum pairs of a streamed, copied chunk of two sets: 8 MiB.
 const MAX_STREAM_CHUNK: usize = 1 << 20;
-/// Number of searches for a sorted stream above which its parts may exceed the limit of a list.
+/// Searches for a sorted stream above which its parts may exceed the limit of a list.
 const MAX_RANGES: u64 = 16;
-/// Number of tiles among which threads divide the sort of pairs.
+/// Tiles among which threads divide the sort of pairs.
 const ORDER_TILES: usize = 128;
 
-/// Receives chunks of pairs that form one part of the result.
+/// Receives chunks that form one part of the result.
 pub type ChunkConsumer<'t> = &'t mut (dyn FnMut(&mut [Vec<Pair>]) -> ControlFlow<()> + Send);
 /// Searches in the index that a backend has built for a query.
 pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error> + Send);
@@ -97,7 +97,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// See [`pairs`](Self::pairs).
     pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
         let listed = self.find_list(query, order);
-        // A failed search must not leave an earlier list. Clearing it first would cost each call a refill.
+        // A failed search must not leave an earlier list. Clearing it before would cost each call a refill.
         if listed.is_err() {
             self.pairs.clear();
         }
@@ -254,9 +254,9 @@ fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<
     })
 }
 
-/// Returns the largest consecutive index ranges of at most `most` pairs by `counts`, or of a single index. If that would
-/// be more than 16 ranges, they have more pairs, up to a quarter of the number of spheres. This takes less memory than an
-/// index, and bounds the number of searches by the pairs per sphere.
+/// Returns the largest consecutive index ranges of at most `most` pairs by `counts`, or of a single index. Instead of
+/// more than 16 ranges, they have more pairs, up to a quarter of the number of spheres. This takes less memory than an
+/// index, and bounds the searches by the pairs per sphere.
 pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
     let found: u64 = counts.iter().map(|&count| u64::from(count)).sum();
     let most = most.max((found / MAX_RANGES).min(counts.len() as u64 / 4));

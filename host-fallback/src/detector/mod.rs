@@ -61,11 +61,11 @@ impl HostBackend {
         &self.state.report
     }
 
-    /// Returns the most bytes held for `spheres` spheres by all threads, without the result and its chunks.
+    /// Returns the most bytes that all threads hold for `spheres` spheres, without the result and its chunks.
     ///
     /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes below three cells.
     /// The recursive grid is assumed to have one overfull cell with all spheres; nested ones add up to 150 bytes per
-    /// sphere. A candidate list is assumed to have its maximum, 96 candidates of 8 bytes per sphere. Few scenes have
+    /// sphere. A candidate list is assumed to have 96 candidates of 8 bytes per sphere, its maximum. Few scenes have
     /// more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none.
     pub fn memory_for(&self, spheres: u64, is_f64: bool) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
@@ -106,7 +106,7 @@ impl SearchBackend for HostBackend {
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, structure, team, buffers, state } = self;
         let settings = &*settings;
-        // The time of the paper's grids cannot be predicted.
+        // The paper's grids take an unpredictable time.
         let is_large = query.len() >= MIN_PARALLEL_SPHERES
             || !matches!(structure, IndexKind::Naive | IndexKind::CellList);
         let mut task = || {

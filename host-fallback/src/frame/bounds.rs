@@ -8,7 +8,7 @@ const CHUNK_SPHERES: usize = 1 << 13;
 pub(crate) struct Bounds {
     pub(crate) min: [f64; 4],
     pub(crate) max: [f64; 4],
-    /// 0, or NaN after any non-finite number.
+    /// NaN after any non-finite number.
     pub(crate) zero: [f64; 4],
 }
 

@@ -13,8 +13,7 @@ pub(crate) struct FrameMap<'f> {
     /// Infinite for an unbounded axis and the radius. NaN in a triclinic space and a trimmed frame.
     pub(crate) lengths: [f64; 4],
     pub(crate) limit: [f64; 4],
-    /// Scale times growth, and summand. The scale is a power of two, so a product with both rounds like products with
-    /// each in turn.
+    /// Scale times growth, and summand. The scale is a power of two, so the product rounds like two products in turn.
     pub(crate) growth: [[f64; 4]; 2],
     pub(crate) half: [f32; 4],
     /// Range of differences from the origin that the frame [contains](Self::contains).
@@ -55,9 +54,8 @@ impl<'f> FrameMap<'f> {
         map
     }
 
-    /// Returns `true` if the sphere is valid, and the frame represents it independently of others: inside along
-    /// unbounded axes, within [`MAX_LENGTHS`] along periodic axes. Returns `false` in a triclinic space and a trimmed
-    /// frame.
+    /// Returns `true` if the sphere is valid, inside along unbounded axes and within [`MAX_LENGTHS`] along periodic ones,
+    /// so that the frame represents it independently of others. `false` in a triclinic space and a trimmed frame.
     #[inline(always)]
     pub(crate) fn contains(&self, row: [f64; 4]) -> bool {
         let [low, high] = &self.limits;

@@ -15,8 +15,8 @@
 //!    rounding less than 2⁻³³.
 //! 4. A radius above 4 touches everything in the frame, so radii are limited to 4.
 //!
-//! So every pair that touches in space also touches in the frame. Conversely, in an orthogonal frame a pair that
-//! touches by more than the [slack](SearchFrame::slack) touches in space and needs no decision:
+//! So every pair that touches in space touches in the frame. Conversely, in an orthogonal frame a pair that touches by
+//! more than the [slack](SearchFrame::slack) touches in space and needs no decision:
 //!
 //! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than in space. The error of the search's filter, whose
 //!    slack in a periodic space is 2⁻²² of the longest axis, is less than that.
@@ -46,13 +46,13 @@ pub(crate) use trim::RowsByIndex;
 /// Relative and absolute growth of radii.
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 const MAX_RADIUS: f64 = 4.0;
-/// Smallest size of a frame, as a fraction of the distance between spheres along a periodic axis.
+/// Smallest size of a frame as a fraction of the distance between spheres along a periodic axis.
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// Absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
 /// Distance from the origin, in lengths of a periodic axis, up to which one subtraction wraps a center.
 pub(crate) const MAX_LENGTHS: f64 = 1.5;
-/// Filled fraction below which a frame is replaced. Keeping a frame preserves the radii of moving spheres.
+/// Filled fraction below which a frame is replaced. A kept frame preserves the radii of moving spheres.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 
 /// A map from the given numbers to `f32` coordinates for a search.
@@ -62,7 +62,7 @@ pub struct SearchFrame {
     scale: f64,
     axes: Axes,
     is_trimmed: bool,
-    /// `true` if the rounding of centers enlarges radii in a triclinic space by the least possible amount.
+    /// `true` if the rounding of centers in a triclinic space enlarges radii as little as possible.
     has_least_growth: bool,
 }
 
@@ -107,8 +107,8 @@ impl SearchFrame {
         self.cell().map(|(cell, _)| cell)
     }
 
-    /// Returns `true` if the frame represents spheres in `bounds` together with all that its map
-    /// [contains](FrameMap::contains), and the exact test can decide their pairs. They may fill little of it.
+    /// Returns `true` if the frame represents spheres in `bounds` and all that its map [contains](FrameMap::contains), and
+    /// the exact test can decide their pairs. They may fill little of it.
     pub(crate) fn holds(&self, bounds: &Bounds, space: &Space) -> bool {
         if self.has_least_growth && !self.grows_least(bounds) {
             return false;
@@ -174,7 +174,6 @@ impl SearchFrame {
         Self { origin, scale, axes, is_trimmed: false, has_least_growth: false }
     }
 
-    /// Returns the space of the frame's coordinates.
     pub fn space(&self) -> Space {
         match &self.axes {
             Axes::Orthogonal(axes) => {
@@ -260,7 +259,7 @@ fn scale_of(size: f64) -> f64 {
     if size == 0.0 {
         return 1.0;
     }
-    // The smallest sizes stay below one half, because their inverse is infinite.
+    // The smallest sizes stay below one half: their inverse is infinite.
     let exponent = (size.max(4.0 * f64::MIN_POSITIVE).to_bits() & !FRACTION) >> 52;
     // A quarter of twice the inverse, because the inverse is subnormal for the largest sizes.
     0.25 * f64::from_bits((EXPONENTS - exponent) << 52)

@@ -1,4 +1,4 @@
-//! Trimmed frames, for input with a few spheres far away from all others.
+//! Trimmed frames, for a few spheres far away from all others.
 
 use lazygrid_kernels::Space;
 
@@ -6,11 +6,11 @@ use super::{Bounds, GROWTH, SearchFrame, scale_of};
 use crate::executor::{Chunks, Executor};
 
 const CHUNK_SPHERES: usize = 1 << 13;
-/// Number of spheres whose medians are taken, evenly spaced by index.
+/// Spheres, evenly spaced by index, whose medians are taken.
 const SAMPLE: usize = 255;
 /// Maximum spheres of the sample outside the frame.
 const SAMPLE_OUTSIDE: usize = SAMPLE / 16;
-/// Number of binary exponents of `f64`.
+/// Binary exponents of `f64`.
 const EXPONENTS: usize = 2048;
 /// A frame is trimmed only if it gets smaller by this factor: contacts in a trimmed frame are never certain.
 const MIN_GAIN: f64 = 16.0;
@@ -40,8 +40,8 @@ impl SearchFrame {
         self.is_trimmed
     }
 
-    /// Returns a trimmed frame if a few far spheres make this frame, of all `rows`, enlarge radii too much. Keeps the
-    /// `last` one if it serves. The result does not depend on threads.
+    /// Returns a trimmed frame if a few far spheres make this frame of all `rows` enlarge radii too much. Keeps the `last`
+    /// one if it serves. Independent of threads.
     pub(crate) fn trimmed(
         &self,
         space: &Space,

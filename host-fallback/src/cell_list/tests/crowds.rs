@@ -142,7 +142,7 @@ fn group_at_one_point_is_found_by_others() {
     }
 }
 
-/// A distance to other species hides that radii in a crowd grow.
+/// Distances to other species hide growing radii in a crowd.
 #[test]
 fn radii_that_grow_in_a_divided_crowd_lose_no_pair() {
     let (n, others) = (3600, 400);

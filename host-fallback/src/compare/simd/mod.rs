@@ -1,7 +1,7 @@
 //! SIMD code of every detector: compares one sphere with several.
 //!
-//! The comparison is a filter in `f32` with an error band around tangency. [`PairTest`](super::pair_test::PairTest)
-//! decides inside the band, so SIMD width, fused multiply-adds and operation order cannot change a result.
+//! It filters in `f32` with an error band around tangency. [`PairTest`](super::pair_test::PairTest) decides inside the
+//! band, so SIMD width, fused multiply-adds and operation order cannot change a result.
 
 use std::env;
 use std::fmt;
@@ -33,7 +33,7 @@ mod x86_rows;
 /// that leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack, it is at most
 /// 11 of the 16 half ulps of the band.
 const BAND: f32 = 1.0 / (1 << 20) as f32;
-/// Absolute half-width of the band: below it products underflow, and relative error has no meaning.
+/// Absolute half-width of the band, below which products underflow.
 const FLOOR: f32 = f32::MIN_POSITIVE;
 
 #[cfg(target_arch = "x86_64")]
@@ -46,7 +46,7 @@ struct Feature {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Simd {
-    /// 16 lanes, x86-64 with AVX-512F and all that [`Avx2`](Self::Avx2) needs.
+    /// 16 lanes, x86-64 with AVX-512F and the sets of [`Avx2`](Self::Avx2).
     Avx512,
     /// 8 lanes, x86-64 with AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
     Avx2,
@@ -99,7 +99,7 @@ impl Simd {
         if self as u8 > other as u8 { self } else { other }
     }
 
-    /// Tests all instruction sets, because a virtual machine may hide any.
+    /// Tests each instruction set, because a virtual machine may hide any.
     #[cfg(target_arch = "x86_64")]
     fn widest(has: impl Fn(&Feature) -> bool) -> Self {
         if x86::Avx512::FEATURES.iter().all(&has) {
@@ -157,9 +157,9 @@ pub(crate) trait SimdWidth: Copy {
     fn possible(self, distances: Self::SquaredDistances) -> u32;
     /// Returns certain contacts only.
     fn certain(self, distances: Self::SquaredDistances) -> u32;
-    /// Returns possible and certain contacts.
+    /// Returns possible and certain contacts of `pairs`.
     fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2];
-    /// Returns the cell of `center + offset`, clamped to the grid: monotone along each axis, with equal operations for
+    /// Returns the cell of `center + offset`, clamped to the grid. Monotone along each axis, with equal operations for
     /// every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
     fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]);
@@ -177,9 +177,9 @@ pub(crate) trait SimdWidth: Copy {
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     );
-    /// Writes pairs of `id` with the selected `lanes` first; the rest is arbitrary. Returns their number.
+    /// Writes pairs of `id` with the selected `lanes`; the rest is arbitrary. Returns their number.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
-    /// Compacts pairs of the selected `lanes` into `packed`, like [`pack`](Self::pack).
+    /// Compacts pairs of selected `lanes`, like [`pack`](Self::pack).
     fn compact(self, pairs: &[Pair; MAX_LANES], lanes: u32, packed: &mut [Pair; MAX_LANES]) -> usize;
 }
 
@@ -190,8 +190,8 @@ pub(crate) trait PeriodicSimd: SimdWidth {
         pairs: &[Pair; MAX_LANES],
         periodic: &PeriodicBox,
     ) -> [u32; 2];
-    /// Returns [`squared_distances`](SimdWidth::squared_distances) of minimum images: with the slack added to the
-    /// sum of radii, and subtracted, but not below zero.
+    /// Returns [`squared_distances`](SimdWidth::squared_distances) of minimum images with the slack added to the sum of
+    /// radii, and subtracted, but not below zero.
     fn minimum_image_distances(
         self,
         columns: &Columns,

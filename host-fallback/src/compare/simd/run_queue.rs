@@ -8,9 +8,9 @@ const ROWS: usize = 5;
 /// Touching spheres must be in adjacent cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NeighborRows {
-    /// A sphere touches lower cells only if its center less its radius is below this.
+    /// Spheres touch lower cells only if center less radius is below this.
     pub(crate) low: [f32; 3],
-    /// A sphere touches higher cells only if its center plus its radius is above this.
+    /// Spheres touch higher cells only if center plus radius is above this.
     pub(crate) high: [f32; 3],
     /// Starts of cells `x - 1`, `x` and `x + 1`, and the end. Rows inside replace rows outside the grid; `low` and
     /// `high` exclude the replacements.
@@ -23,7 +23,7 @@ pub(crate) struct SphereRun {
     pub(crate) run: Range<usize>,
 }
 
-/// Appends without a branch: branches on searched and empty rows would be mispredicted.
+/// Appends without a branch, which searched and empty rows would mispredict.
 pub(crate) struct RunQueue {
     pub(super) at: [u32; Self::CAPACITY],
     pub(super) start: [u32; Self::CAPACITY],

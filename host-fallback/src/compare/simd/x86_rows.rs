@@ -1,4 +1,4 @@
-//! Operations on one row `x, y, z, r` per vector, which compilers do not vectorize this way.
+//! Operations on one row `x, y, z, r` per vector, which compilers do not find.
 
 use std::arch::x86_64::*;
 
@@ -7,7 +7,7 @@ use bytemuck::cast;
 use super::Xyzr;
 use crate::frame::{Bounds, FrameMap, MAX_LENGTHS};
 
-/// A load would wait for the stores of a row that was assembled in memory.
+/// A load would wait for the stores of a row assembled in memory.
 ///
 /// # Safety
 /// The processor must have AVX.
