@@ -80,7 +80,6 @@ impl Settings {
         self.check_skin()
     }
 
-    /// Refuses a fixed skin outside [`SKIN_RANGE`].
     fn check_skin_range(&self) -> Result<(), Error> {
         match self.skin {
             Skin::Fixed(distance) if !SKIN_RANGE.contains(&(distance as f32)) => {

@@ -29,7 +29,6 @@ impl<T: Copy + Zeroable> SpeciesClasses<T> {
         self.rows.fill([number; SIZE_CLASSES]);
     }
 
-    /// Maps the numbers of `others` by `of`.
     pub(crate) fn set_from(&mut self, others: &Self, map: impl Fn(T) -> T) -> Result<(), Error> {
         try_resize(&mut self.rows, others.rows.len(), NAME)?;
         self.numbers_mut().zip(others.numbers()).for_each(|(to, from)| *to = map(from));

@@ -34,7 +34,6 @@ impl<'a> PairFilter<'a> {
         !self.has_groups && self.exclusions.is_none()
     }
 
-    /// Returns `true` if contact of radii alone decides.
     pub(crate) fn is_contact_of_radii(&self) -> bool {
         self.is_contact() && matches!(self.contact, Some((_, None)))
     }

@@ -135,7 +135,6 @@ impl<'a> PairTest<'a> {
         Self { margin: Some(margin), triclinic, ..self.clone() }
     }
 
-    /// Decides most contacts of orthogonalized coordinates.
     pub(crate) fn triclinic(&self) -> Option<&TriclinicFilter> {
         self.triclinic.as_ref()
     }

@@ -69,7 +69,6 @@ impl<'f> FrameMap<'f> {
         self.lengths == [f64::INFINITY; 4]
     }
 
-    /// Maps a sphere to a triclinic frame.
     #[inline(always)]
     pub(crate) fn map_to_cell(&self, (cell, limit): (&Orthogonalization, f64), row: [f64; 4]) -> [f32; 4] {
         let [x, y, z, radius] = row;

@@ -39,7 +39,6 @@ pub struct PreparedQuery<'a> {
     pub(crate) groups: Option<&'a SpeciesGroups>,
 }
 
-/// The options of [`QueryBuffers::prepare`].
 #[derive(Clone, Copy, Debug)]
 pub struct Preparation<'a> {
     pub settings: &'a Settings,
@@ -47,7 +46,6 @@ pub struct Preparation<'a> {
     pub wraps: bool,
     /// `true` if the species of the spheres are those of the last query.
     pub has_same_species: bool,
-    /// `true` if the search uses only radii.
     pub uses_only_radii: bool,
 }
 

@@ -74,12 +74,10 @@ impl SpeciesGroups {
         Ok(())
     }
 
-    /// Returns `true` if the last update found the species.
     pub fn is_present(&self, species: u32) -> bool {
         has(&self.present, species)
     }
 
-    /// Returns the radius of each species for those of the last update.
     pub fn species_radii(&self) -> &[SpeciesRadius] {
         &self.species_radii
     }

@@ -105,7 +105,7 @@ impl InputStats {
         Self { spheres, min: self.min, max: self.max, classes, span }
     }
 
-    /// Computes the statistics. Species ids must have been checked.
+    /// Species ids must have been checked.
     ///
     /// # Errors
     /// [`InputError::Sphere`] for the first invalid sphere.

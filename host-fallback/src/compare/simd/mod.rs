@@ -166,7 +166,7 @@ pub(crate) trait SimdWidth: Copy {
     /// Equals [`FrameMap::contains`].
     fn is_in_frame(self, map: &FrameMap<'_>, row: [f64; 4]) -> bool;
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
-    /// Uses minimum images if `PERIODIC`. The last lane has no effect.
+    /// The last lane has no effect.
     fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
     /// Appends up to five runs per sphere of one cell, the first starting after it. `spheres` are at most
     /// [`MAX_LANES`].
