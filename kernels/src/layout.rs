@@ -13,7 +13,7 @@ mod columns;
 pub use cell_list::{CellListLayout, CellListLevel, InputStats, SpeciesParams};
 pub use columns::ColumnLayout;
 
-/// The parameters of a search. The first word is the number of spheres, so the buffer also serves as `count_source`.
+/// The first word is the number of spheres, so the buffer also serves as `count_source`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SearchParams {
@@ -62,21 +62,19 @@ pub struct SearchParams {
     pub chunks_per_block: u32,
     /// 1 if pairs of a cell list hold positions in cell order.
     pub pairs_in_cell_order: u32,
-    /// The sides of a cell list, at most [`CellListLayout::MAX_SIDES`]; see [`Self::with_sides`].
+    /// Sides of a cell list, at most [`CellListLayout::MAX_SIDES`]; see [`Self::with_sides`].
     pub sides: u32,
-    /// The levels of each side.
     pub levels_per_side: u32,
-    /// The sides that sides 0 to 3 are compared with: eight bits per side.
+    /// Sides that sides 0 to 3 are compared with: eight bits per side.
     pub partners_low: u32,
-    /// The sides that sides 4 to 7 are compared with.
+    /// Eight bits for each of the sides 4 to 7.
     pub partners_high: u32,
-    /// The sides whose effective radii suffice among their own spheres only, one bit each. With spheres of other sides
+    /// Sides whose effective radii suffice among their own spheres only, one bit each. With spheres of other sides
     /// they pair within twice the larger effective radius.
     pub narrow_sides: u32,
-    /// The common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else
-    /// [`Self::BY_SPECIES`].
+    /// Common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else [`Self::BY_SPECIES`].
     pub interaction: f32,
-    /// Index of the first workgroup of the dispatch.
+    /// First workgroup of the dispatch.
     pub first_workgroup: u32,
     /// Maximum workgroups per dispatch of candidate tests; 0 without a limit.
     pub workgroups_per_dispatch: u32,
@@ -84,7 +82,6 @@ pub struct SearchParams {
     pub opaque_zero: u32,
 }
 
-/// The digit of a radix pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct RadixPass {
@@ -98,7 +95,7 @@ impl SearchParams {
     /// Value of [`tiles_per_submission`](Self::tiles_per_submission) without a limit.
     pub const UNLIMITED: u32 = u32::MAX;
 
-    /// Interaction of two species that never pair.
+    /// Interaction of species that never pair.
     pub const NEVER: f32 = -1.0;
     /// Interaction of spheres that pair if they touch.
     pub const TOUCH: f32 = -2.0;
@@ -122,7 +119,6 @@ impl SearchParams {
         }
     }
 
-    /// Returns these parameters with the periods of `space`.
     pub fn in_space(self, space: Space) -> Self {
         let [period_x, period_y, period_z] = space.lengths_f32().map(|length| length.unwrap_or(0.0));
         Self { period_x, period_y, period_z, ..self }
@@ -178,7 +174,7 @@ pub struct Grid {
     pub levels: [LevelKeys; 32],
 }
 
-/// The result except the pairs: the content of the outcome buffer.
+/// The result except the pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 #[non_exhaustive]
@@ -191,7 +187,7 @@ pub struct Outcome {
     pub quarantined: u32,
     /// Workgroups of a consumer with one thread per written pair.
     pub dispatch_x: u32,
-    /// Second dimension of the consumer's dispatch, above 1 for more than 65,535 workgroups.
+    /// Above 1 for more than 65,535 workgroups.
     pub dispatch_y: u32,
     pub dispatch_z: u32,
     pub deferred_blocks: u32,
@@ -210,18 +206,17 @@ pub struct Outcome {
     pub pairs_in_cell_order: u32,
 }
 
-/// The parameters of a candidate list.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SkinParams {
-    /// Half of the skin, which is added to radii.
+    /// Added to radii.
     pub half_skin: f32,
     /// Squared displacement limit, a little less than half the skin.
     pub limit_squared: f32,
     pub candidate_capacity: u32,
 }
 
-/// The state of the candidate list, kept on the device between calls.
+/// Kept on the device between calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 #[non_exhaustive]
@@ -247,27 +242,26 @@ impl SkinState {
     pub const NO_LIST: u32 = 1;
     /// The number, a radius, a species or the validity of spheres changed.
     pub const INPUT_CHANGED: u32 = 2;
-    /// A sphere exceeded the displacement limit.
     pub const DISPLACEMENT: u32 = 3;
 }
 
 impl Outcome {
-    /// Overflow bit: more pairs than the output holds. The count is exact.
+    /// More pairs than the output holds. The count is exact.
     pub const OVERFLOW_PAIRS: u32 = 1;
-    /// Overflow bit: more entries than planned. The number of pairs is a lower bound, the number of entries exact. The
+    /// More entries than planned. The number of pairs is a lower bound, the number of entries exact. The
     /// caller must raise the capacity and retry.
     pub const OVERFLOW_ENTRIES: u32 = 2;
-    /// Overflow bit: more spheres than the maximum; the spheres beyond it were ignored.
+    /// More spheres than the maximum; the rest was ignored.
     pub const OVERFLOW_SPHERES: u32 = 4;
-    /// Overflow bit: more candidates than the buffer holds. The number of pairs is a lower bound,
+    /// More candidates than the buffer holds. The number of pairs is a lower bound,
     /// [`candidates_needed`](Self::candidates_needed) exact. The caller must raise the capacity and retry.
     pub const OVERFLOW_CANDIDATES: u32 = 8;
-    /// Overflow bit: the search [has remaining work](Self::has_remaining_work); the number of pairs is a lower bound.
+    /// The search [has remaining work](Self::has_remaining_work); the number of pairs is a lower bound.
     pub const OVERFLOW_WORK: u32 = 16;
-    /// Overflow bit: the cells of an earlier call do not suit the spheres, so pairs are missing. Only calls of a
+    /// The cells of an earlier call do not suit the spheres, so pairs are missing. Only calls of a
     /// `GpuSession` reuse cells; it retries.
     pub const OVERFLOW_LAYOUT: u32 = 32;
-    /// Offset of the indirect dispatch arguments in bytes.
+    /// Bytes before the indirect dispatch arguments.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
 
     /// Returns `true` if deferred blocks remain. Until further submissions have searched them, pairs are missing.

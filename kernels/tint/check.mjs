@@ -10,7 +10,7 @@ import { create } from 'webgpu';
 
 const folder = process.argv[2];
 const names = readdirSync(folder).filter((name) => name.endsWith('.wgsl')).sort();
-// Held to the end: adapters and devices of an instance that was collected crash.
+// Must outlive its adapters and devices, which crash once it is collected.
 const gpu = create(['backend=null']);
 const adapter = await gpu.requestAdapter();
 if (!adapter) {
@@ -23,7 +23,7 @@ for (const name of names) {
   const module = device.createShaderModule({ label: name, code: readFileSync(join(folder, name), 'utf8') });
   const { messages } = await module.getCompilationInfo();
   const error = await device.popErrorScope();
-  // Notes beside an error say where it comes from; warnings count as errors.
+  // Notes give the origin of an error; warnings count as errors.
   for (const { type, lineNum, linePos, message } of messages) {
     console.log(`${name}:${lineNum}:${linePos}: ${type}: ${message}`);
   }

@@ -14,11 +14,11 @@ pub struct SubgroupProbe {
 }
 
 impl SubgroupProbe {
-    /// Fault: some subgroup is not full.
+    /// Some subgroup is not full.
     pub const PARTIAL: u32 = 1;
-    /// Fault: lanes do not follow local indices.
+    /// Lanes do not follow local indices.
     pub const OUT_OF_ORDER: u32 = 2;
-    /// Fault: the probe was compiled without subgroup operations.
+    /// The probe was compiled without subgroup operations.
     pub const NO_SUBGROUPS: u32 = 4;
     pub const WORKGROUPS: u32 = 64;
     /// Initial content of the buffer.

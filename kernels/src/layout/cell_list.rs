@@ -2,7 +2,7 @@ use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
 use glam::{UVec3, Vec3};
 
-/// Statistics of the spheres of a cell list. All zeros mean no sphere.
+/// All zeros mean no sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct InputStats {
@@ -29,11 +29,11 @@ pub struct SpeciesParams {
 }
 
 impl SpeciesParams {
-    /// Flag: contact decides some pairs of the species.
+    /// Contact decides some pairs of the species.
     pub const TOUCHES: u32 = 1;
-    /// Flag: the species never pairs.
+    /// The species never pairs.
     pub const IDLE: u32 = 2;
-    /// The lowest bit of the side.
+    /// Lowest bit of the side.
     pub const SIDE_SHIFT: u32 = 8;
 }
 
@@ -79,9 +79,9 @@ pub struct CellListLayout {
 impl CellListLayout {
     /// Maximum levels of all sides together.
     pub const LEVELS: usize = 32;
-    /// Number of depths. Cells of depth `k` are 2⁻ᵏ times as large as cells of depth 0.
+    /// Cells of depth `k` are 2⁻ᵏ times as large as cells of depth 0.
     pub const DEPTHS: usize = 16;
-    /// Maximum sides. Pairs of sides decide whether spheres are compared.
+    /// Pairs of sides decide whether spheres are compared.
     pub const MAX_SIDES: usize = 8;
 
     pub const fn levels_per_side(sides: usize) -> usize {

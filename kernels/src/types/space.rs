@@ -175,6 +175,7 @@ fn along_axes(cell_vectors: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> 
 }
 
 /// Returns the remainder of `x` of least magnitude, without rounding.
+///
 /// # Correctness
 /// A remainder is a multiple of the last place of `length`, or of half of it if `x` is less than `length`. It is at
 /// most half of `length`, so 24 bits hold it. The integer part and its product with `length` fit the 53 bits of `f64`.
