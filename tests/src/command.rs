@@ -8,6 +8,8 @@ use std::process::{Command, Output, Stdio};
 use serde_json::Value;
 use tempfile::TempDir;
 
+use crate::browser::skipped;
+
 pub struct Run {
     pub code: Option<i32>,
     pub out: String,
@@ -15,12 +17,9 @@ pub struct Run {
 }
 
 pub fn has_gpu() -> bool {
-    let has_one = !lazygrid::gpu::adapters().is_empty() || std::env::var_os("LAZYGRID_REQUIRE_GPU").is_some();
+    let has_one = !lazygrid::gpu::adapters().is_empty();
     if !has_one {
-        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-        {
-            eprintln!("skipped: no GPU adapter with Vulkan, Metal or DirectX 12");
-        }
+        skipped("LAZYGRID_REQUIRE_GPU", "there is no GPU adapter with Vulkan, Metal or DirectX 12");
     }
     has_one
 }

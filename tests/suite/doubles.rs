@@ -156,8 +156,7 @@ fn equal_numbers_in_both_precisions_give_equal_pairs() {
         let centers: Vec<_> = rows.iter().map(|[x, y, z, _]| [*x, *y, *z]).collect();
         for variant in variants::each_algorithm() {
             let mut detector = Detector::new(variant.settings()).expect("a detector");
-            let mut cpu =
-                Detector::new(Config::default().backend(lazygrid::Backend::Cpu)).expect("a detector");
+            let mut cpu = Detector::new(Config::default().backend(Backend::Cpu)).expect("a detector");
             let expected = cpu.pairs(&narrow).expect("valid");
             let columns = Spheres::columns(&x, &y, &z, &r).expect("one length");
             let points = Spheres::points(&centers, Radii::Each(&r)).expect("one length");

@@ -357,7 +357,7 @@ fn a_refused_list_stays_within_its_limit() {
     let limit = 1 << 20;
     for variant in on_cpu(variants::all()) {
         measurement.start();
-        let mut detector = Detector::new(Config::max_pairs(variant.settings(), limit)).expect("a detector");
+        let mut detector = Detector::new(variant.settings().max_pairs(limit)).expect("a detector");
         assert!(variant.run(|| detector.pairs(&spheres).is_err()), "{variant}");
         let bound = detector.memory_for(8000) as usize + 8 * limit as usize + (16 << 20);
         let peak = measurement.peak();
@@ -372,7 +372,7 @@ fn a_canonical_stream_stays_within_its_limit() {
     let (found, limit) = (2000 * 1999 / 2, 1 << 15);
     for variant in on_cpu(variants::all()) {
         measurement.start();
-        let mut detector = Detector::new(Config::max_pairs(variant.settings(), limit)).expect("a detector");
+        let mut detector = Detector::new(variant.settings().max_pairs(limit)).expect("a detector");
         let (mut last, mut in_order) = (None, true);
         let delivered = variant.run(|| {
             detector.stream(&spheres, 4096, |pairs| {

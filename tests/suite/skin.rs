@@ -81,18 +81,16 @@ fn arbitrary_spheres_in_periodic_boxes() {
 
 #[test]
 fn running_simulations() {
-    let mut variants = variants_with_candidates();
-    variants.retain(|variant| variant.algorithm == Algorithm::CellList);
-    let both = |setting: DetectorVariant| [(setting, Skin::Auto), (setting, Skin::Fixed(0.4))];
-    let settings: Vec<_> = variants.into_iter().flat_map(both).collect();
+    let both = |variant: DetectorVariant| [(variant, Skin::Auto), (variant, Skin::Fixed(0.4))];
+    let settings: Vec<_> = variants_with_candidates().into_iter().flat_map(both).collect();
     for scene in Scene::ALL {
         let mut scenario = TestInput::from(scene.spheres(3000, 21));
-        let made = |setting: &(DetectorVariant, Skin)| {
-            Detector::new(setting.0.settings().skin(setting.1)).expect("a detector")
+        let made = |(variant, skin): &(DetectorVariant, Skin)| {
+            Detector::new(variant.settings().skin(*skin)).expect("a detector")
         };
         let has_few_sizes = matches!(scene, Scene::Equal | Scene::FiveSizes);
-        let serves = |setting: &&(DetectorVariant, Skin)| {
-            has_few_sizes || setting.0.backend() == Backend::Cpu || setting.1 != Skin::Auto
+        let serves = |(variant, skin): &&(DetectorVariant, Skin)| {
+            has_few_sizes || variant.backend() == Backend::Cpu || *skin != Skin::Auto
         };
         let mut detectors: Vec<_> =
             settings.iter().filter(serves).map(|setting| (setting, made(setting), 0)).collect();

@@ -5,7 +5,7 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
-use lazygrid::{Algorithm, Backend, Config, Detector, Order, Space};
+use lazygrid::{Algorithm, Backend, Config, Detector, Order};
 use lazygrid_io::scenes::Scene;
 
 /// A limit far longer than the search takes.
@@ -13,7 +13,7 @@ const TIME_LIMIT: Duration = Duration::from_secs(120);
 
 fn detector(algorithm: Algorithm, threads: usize) -> Detector {
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).threads(threads);
-    Detector::new(config.order(Order::Unordered).space(Space::UNBOUNDED)).expect("a detector")
+    Detector::new(config.order(Order::Unordered)).expect("a detector")
 }
 
 #[test]
