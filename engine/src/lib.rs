@@ -44,7 +44,7 @@ pub use lazygrid_host::{
 };
 /// For the other crates of this repository; no part of the stable interface.
 #[doc(hidden)]
-pub use lazygrid_host::{check_thread_memory, start_thread, thread_pool};
+pub use lazygrid_host::{check_thread_memory, default_threads, start_thread, thread_pool};
 /// For messages about files; no part of the stable interface.
 #[doc(hidden)]
 pub use lazygrid_kernels::short;

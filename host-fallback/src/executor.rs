@@ -2,6 +2,7 @@
 //! ends the work.
 
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::env;
 use std::error::Error as _;
 use std::hint::black_box;
 use std::io;
@@ -168,8 +169,10 @@ impl Team {
         match (&self.pool, self.requested) {
             (Some(pool), _) => pool.current_num_threads(),
             (None, Some(threads)) => threads,
-            (None, None) if rayon::current_thread_index().is_some() => rayon::current_num_threads(),
-            (None, None) => cores(),
+            // Starts the global pool, because a program may have given it any number of threads.
+            (None, None) => {
+                start_threads().map_or_else(|_| default_threads(), |()| rayon::current_num_threads())
+            }
         }
     }
 }
@@ -236,6 +239,12 @@ fn cores() -> usize {
     available_parallelism().map_or(1, usize::from)
 }
 
+/// Returns the number of threads of rayon's global pool, without starting it.
+pub fn default_threads() -> usize {
+    let set = env::var("RAYON_NUM_THREADS").ok().and_then(|threads| threads.parse().ok());
+    set.filter(|&threads| threads > 0).unwrap_or_else(cores)
+}
+
 /// Starts rayon's global pool, unless it runs or the caller is in another pool. Rayon would panic if the system refused
 /// the threads.
 ///
@@ -247,7 +256,7 @@ pub fn start_threads() -> Result<(), Error> {
     }
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
     if STARTED.get().is_none() {
-        check_thread_memory(cores())?;
+        check_thread_memory(default_threads())?;
     }
     let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {
         Ok(()) => {
@@ -258,7 +267,7 @@ pub fn start_threads() -> Result<(), Error> {
         Err(error) if error.source().is_none() => Ok(()),
         Err(error) => Err(error.to_string()),
     });
-    started.clone().map_err(|reason| Error::ThreadPool { threads: cores(), reason })
+    started.clone().map_err(|reason| Error::ThreadPool { threads: default_threads(), reason })
 }
 
 #[cfg(test)]
@@ -274,6 +283,15 @@ mod tests {
         assert_eq!(useful(100_000, 64), 256);
         let started = pool(100_000).expect("some threads").current_num_threads();
         assert!(started <= (MAX_THREADS_PER_CORE * cores()).max(MIN_MAX_THREADS), "{started}");
+    }
+
+    #[test]
+    fn team_without_a_number_has_the_global_pool() {
+        let team = Team::new(None).expect("a team");
+        assert_eq!(team.count(), rayon::current_num_threads());
+        let inside = thread_pool(3).expect("threads").install(|| team.count());
+        assert_eq!(inside, 3);
+        assert_eq!(default_threads(), rayon::current_num_threads());
     }
 
     #[test]

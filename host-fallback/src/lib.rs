@@ -35,7 +35,9 @@ pub use detector::{
     ChunkConsumer, HostBackend, HostDetector, PairFinder, PairSource, SearchBackend, Work, algorithm_choice,
     ranges,
 };
-pub use executor::{Executor, Team, check_thread_memory, start_thread, start_threads, thread_pool};
+pub use executor::{
+    Executor, Team, check_thread_memory, default_threads, start_thread, start_threads, thread_pool,
+};
 pub use frame::SearchFrame;
 pub use input::{
     InputStats, Preparation, PreparedQuery, QueryBuffers, SizeClass, SpeciesGroups, SpeciesPartition, check,

@@ -1,10 +1,9 @@
 //! The detectors of one Python object. Each call leases one, so several threads can use the object at a time. A
 //! returned detector keeps its buffers.
 
-use std::env;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::{self, available_parallelism};
+use std::thread;
 
 use lazygrid::{Backend, Config, Error, Report};
 use pyo3::PyResult;
@@ -53,7 +52,7 @@ impl DetectorPool {
                 Some(Process::current())
             }
         };
-        let stream_config = threads.is_none().then(|| config.clone().threads(default_threads()));
+        let stream_config = threads.is_none().then(|| config.clone().threads(lazygrid::default_threads()));
         let idle = Mutex::new(IdleDetectors { report, detectors: vec![first], for_streams: Vec::new() });
         Ok(Arc::new(Self { config, stream_config, is_single_threaded, is_on_cpu, process, idle }))
     }
@@ -104,12 +103,6 @@ impl IdleDetectors {
     fn detectors(&mut self, has_stream_config: bool) -> &mut Vec<Box<PooledDetector>> {
         if has_stream_config { &mut self.for_streams } else { &mut self.detectors }
     }
-}
-
-/// Returns the number of threads of rayon's global pool, without starting it.
-fn default_threads() -> usize {
-    let set = env::var("RAYON_NUM_THREADS").ok().and_then(|threads| threads.parse().ok());
-    set.filter(|&threads| threads > 0).unwrap_or_else(|| available_parallelism().map_or(1, usize::from))
 }
 
 impl PooledDetector {
