@@ -4,6 +4,8 @@ use lazygrid::{
 };
 use lazygrid_tests::{SuiteVariant, variants};
 
+use crate::doubles::Random;
+
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 struct Entry {
     pair: Pair,
@@ -12,18 +14,13 @@ struct Entry {
     distance: f64,
 }
 
-fn random(state: &mut u64) -> f64 {
-    *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-    (*state >> 11) as f64 / (1_u64 << 53) as f64
-}
-
-fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64; 4]> {
+fn scene(count: usize, space: &Space, radius: f64, random: &mut Random) -> Vec<[f64; 4]> {
     let vectors = space.cell_vectors();
     let sphere = |k: usize| {
         let mut center = [0.0; 3];
         for (axis, vector) in vectors.iter().enumerate() {
             let vector = vector.unwrap_or([0, 1, 2].map(|other| if other == axis { 3.0 } else { 0.0 }));
-            let mut coordinate = 2.0 * random(state) - 0.5;
+            let mut coordinate = random.signed() + 0.5;
             if k.is_multiple_of(3) {
                 coordinate = (4.0 * coordinate).round() / 4.0;
             }
@@ -129,10 +126,10 @@ const RADII: [f64; 4] = [0.3, 1.0, 1.5, 2.9];
 
 #[test]
 fn all_images_within_the_cutoff_are_found() {
-    let mut state = 5;
+    let mut random = Random(5);
     for space in spaces() {
         for radius in RADII {
-            let spheres = scene(11, &space, radius, &mut state);
+            let spheres = scene(11, &space, radius, &mut random);
             let cutoff = |i: usize, j: usize| Some(spheres[i][3] + spheres[j][3]);
             for is_open in [false, true] {
                 let all = oracle(&spheres, &spheres, &space, is_open, cutoff);
@@ -163,10 +160,10 @@ fn all_images_within_the_cutoff_are_found() {
 
 #[test]
 fn two_sets_and_their_images() {
-    let mut state = 9;
+    let mut random = Random(9);
     for space in spaces() {
         for radius in RADII {
-            let [a, b] = [7, 9].map(|count| scene(count, &space, radius, &mut state));
+            let [a, b] = [7, 9].map(|count| scene(count, &space, radius, &mut random));
             let expected = oracle(&a, &b, &space, false, |i, j| Some(a[i][3] + b[j][3]));
             for variant in variants::each_algorithm() {
                 let mut detector = Detector::new(variant.settings().space(space)).expect("a detector");
@@ -186,13 +183,13 @@ fn two_sets_and_their_images() {
 
 #[test]
 fn species_groups_and_exclusions_hold_for_all_images() {
-    let mut state = 3;
+    let mut random = Random(3);
     let mut table = Interactions::new(3, Interaction::Touch).expect("a table");
     table.set(0, 0, Interaction::Within(2.6)).expect("a distance");
     table.set(1, 1, Interaction::Never).expect("a table");
     table.set(0, 2, Interaction::Within(0.5)).expect("a distance");
     for space in spaces() {
-        let spheres = scene(12, &space, 1.1, &mut state);
+        let spheres = scene(12, &space, 1.1, &mut random);
         let species: Vec<u32> = (0..12).map(|k| k % 3).collect();
         let groups: Vec<u32> = (0..12).map(|k| if k < 5 { 7 } else { Spheres::NO_GROUP }).collect();
         let excluded = Exclusions::new(12, [(0, 6), (7, 8), (9, 1)]).expect("pairs");
@@ -217,10 +214,10 @@ fn species_groups_and_exclusions_hold_for_all_images() {
 
 #[test]
 fn lists_far_from_the_origin() {
-    let mut state = 1;
+    let mut random = Random(1);
     for space in spaces() {
         for far in [1e3, 1e6, 1e9] {
-            let mut spheres = scene(8, &space, 1.2, &mut state);
+            let mut spheres = scene(8, &space, 1.2, &mut random);
             spheres.iter_mut().for_each(|[x, y, z, _]| (*x, *y, *z) = (*x + far, *y - far, *z + 0.5 * far));
             let cutoff = |i: usize, j: usize| Some(spheres[i][3] + spheres[j][3]);
             let all = oracle(&spheres, &spheres, &space, false, cutoff);

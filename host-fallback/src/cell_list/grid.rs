@@ -307,6 +307,7 @@ mod tests {
 
     use super::*;
     use crate::compare::Portable;
+    use crate::test_support::Random;
 
     fn contains(grid: &CellGrid, block: CellRange, cell: [u32; 3]) -> bool {
         (0..3).all(|k| {
@@ -317,16 +318,11 @@ mod tests {
 
     #[test]
     fn cell_range_contains_every_touched_cell_at_any_distance_from_the_origin() {
-        let mut state = 1_u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
-            (state >> 40) as f32 / (1 << 24) as f32 * 2.0 - 1.0
-        };
+        let mut random = Random(1);
         for scale in [0.0, 1.0, 1e3, 1e7, 1e12, 1e20, 3e38] {
             for most in [64, 1000, 1 << 26] {
-                let base = Vec3::new(random(), random(), random()) * scale;
-                let points: Vec<_> =
-                    (0..40).map(|_| base + 20.0 * Vec3::new(random(), random(), random())).collect();
+                let base = Vec3::from(random.point(scale));
+                let points: Vec<_> = (0..40).map(|_| base + Vec3::from(random.point(20.0))).collect();
                 let mut bounds = CenterBounds::EMPTY;
                 points.iter().for_each(|&point| bounds.add(point));
                 let grid = CellGrid::new(1.7, bounds, [None; 3], 2.0, most);
@@ -344,7 +340,7 @@ mod tests {
 
     #[test]
     fn range_in_folded_periods_contains_every_touched_cell() {
-        let mut random = crate::test_support::Random(9);
+        let mut random = Random(9);
         for (length, cell_size) in [(10.0_f32, 0.3), (1000.0, 0.01), (1e-3, 1e-7), (7.0, 1e-12)] {
             let cutoff = 1.5 * cell_size;
             let half = length / 2.0;

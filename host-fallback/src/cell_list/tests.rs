@@ -8,7 +8,7 @@ use super::{CellList, DensityCache, max_cells};
 use crate::compare::{ChunkTarget, ChunkedOutput, PairTest};
 use crate::executor::Executor;
 use crate::input::{Division, Preparation, SearchInput};
-use crate::test_support::{assert_matches_naive, new_detector};
+use crate::test_support::{Random, assert_matches_naive, new_detector};
 use crate::{Order, Report, Settings, Simd};
 
 fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
@@ -18,14 +18,10 @@ fn pairs(spheres: &[Sphere], algorithm: Algorithm, simd: Simd) -> Vec<Pair> {
 }
 
 fn scattered(n: u32, sizes: u32, spread: f32) -> Vec<Sphere> {
-    let mut state = 7_u64;
-    let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f32 / (1 << 24) as f32 - 0.5
-    };
+    let mut random = Random(7);
     (0..n)
         .map(|k| {
-            let center = [random(), random(), random()].map(|x| spread * x * x.abs());
+            let center = random.point(0.5).map(|x| spread * x * x.abs());
             Sphere::new(center, 0.5_f32.powi((k % (sizes + 1)) as i32))
         })
         .collect()

@@ -167,14 +167,12 @@ impl InputLoop for FrameChunk<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::test_support::Random;
 
     #[test]
     fn wrapping_agrees_with_the_space_at_any_distance() {
-        let mut state = 5_u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 33) as u32
-        };
+        let mut states = Random(5);
+        let mut random = || (states.next() >> 33) as u32;
         for length in [1.0_f32, 0.1, 3.0, 10.0, 1.0 / 3.0, 7.7e-4, 16_777_215.0, 1e-44, 1e37] {
             let space =
                 Space::periodic([Some(f64::from(length)), None, Some(f64::from(length))]).expect("a box");

@@ -2,6 +2,7 @@ use lazygrid_kernels::Sphere;
 
 use super::*;
 use crate::compare::PairTest;
+use crate::test_support::Random;
 
 fn cells<const PERIODIC: bool>(spheres: &[Sphere], ratio: f32, lengths: [Option<f32>; 3]) -> [usize; 2] {
     let stats =
@@ -17,17 +18,12 @@ fn cells<const PERIODIC: bool>(spheres: &[Sphere], ratio: f32, lengths: [Option<
 
 #[test]
 fn shifted_grid_has_at_most_the_announced_entries() {
-    let mut state = 3_u64;
-    let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f32 / (1 << 24) as f32
-    };
+    let mut random = Random(3);
     let lattice = |cell_size: f32| -> Vec<Sphere> {
         let at = |k: usize| [k % 16, k / 16 % 16, k / 256].map(|c| cell_size * (c as f32 - 8.0));
         (0..4096).map(|k| Sphere::new(at(k), 1.0)).collect()
     };
-    let gas: Vec<_> =
-        (0..4096).map(|_| Sphere::new([random(), random(), random()].map(|x| 40.0 * x), 1.0)).collect();
+    let gas: Vec<_> = (0..4096).map(|_| Sphere::new(random.point(20.0), 1.0)).collect();
     for ratio in [2.0, 3.0, 4.0, 7.5, 16.0] {
         let most = |n: usize| (1.05 * UniformGrid::most_cells(ratio) * n as f64) as usize;
         let cell_size = 2.0 * ratio;
