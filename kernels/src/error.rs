@@ -83,10 +83,10 @@ pub enum InputError {
          wrap the coordinates into the box"
     )]
     CoordinateRange { axis: char, from: f64, to: f64, limit: f64 },
-    /// A shift of 2³¹ or more cell vectors.
+    /// A shift of 2³¹ − 1 or more cell vectors.
     #[error(
-        "spheres {i} and {j} are 2^31 or more cell vectors apart, which a 32-bit shift cannot hold; wrap the coordinates into the \
-         box"
+        "spheres {i} and {j} are at least 2^31 - 1 cell vectors apart, above the limit of shifts; wrap the coordinates \
+         into the box"
     )]
     Shift { i: u32, j: u32 },
     /// An excluded pair with an index out of range.
