@@ -212,7 +212,7 @@ fn digits(field: &[u8]) -> Option<(u32, f64)> {
         }
     }
     let significant = (last - first? + 1) as u32;
-    Some((significant, 10_f64.powi(point.unwrap_or(all) - 1 - last + exponent)))
+    Some((significant, 10_f64.powi((point.unwrap_or(all) - 1 - last).saturating_add(exponent))))
 }
 
 #[cfg(test)]
@@ -242,6 +242,7 @@ mod tests {
             ("0.0000", false),
             ("100000.01", false),
             ("100000.001", true),
+            ("0.12345678e-2147483648", false),
         ] {
             let value = field.parse().unwrap();
             assert_eq!(loses_digits(field.as_bytes(), value), lost, "{field}");
