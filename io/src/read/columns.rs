@@ -159,8 +159,8 @@ impl Columns {
                 }
                 Column::Other => continue,
             };
-            let may_lose = !doubles && field.len() > SAFE_DIGITS as usize && row.rounded.is_none();
-            if may_lose && loses_digits(field, value as f32) {
+            let is_safe = field.len() <= SAFE_DIGITS as usize && value.abs() >= SMALLEST_NORMAL;
+            if !doubles && !is_safe && row.rounded.is_none() && loses_digits(field, value as f32) {
                 row.rounded = Some((k, field));
             }
         }
@@ -178,15 +178,15 @@ impl Columns {
     }
 }
 
-/// Numbers of at most this many digits survive a conversion to `f32` (FLT_DIG of C).
+/// Normal numbers of at most this many digits survive a conversion to `f32` (FLT_DIG of C).
 const SAFE_DIGITS: u32 = 6;
+const SMALLEST_NORMAL: f64 = f32::MIN_POSITIVE as f64;
 
 /// Returns `true` if `value`, written with the field's number of significant digits, is another number.
 /// Text of `%.9g` loses none.
 fn loses_digits(field: &[u8], value: f32) -> bool {
-    let Some((_, unit)) = digits(field).filter(|&(significant, _)| significant > SAFE_DIGITS) else {
-        return false;
-    };
+    let may_lose = |&(significant, _): &(u32, f64)| significant > SAFE_DIGITS || !value.is_normal();
+    let Some((_, unit)) = digits(field).filter(may_lose) else { return false };
     let Ok(wide) = lexical_core::parse::<f64>(field) else { return false };
     // Ties may round either way, and `wide` and `unit` have errors.
     let error = 1e-9 * unit + wide.abs() * f64::EPSILON;
@@ -243,6 +243,9 @@ mod tests {
             ("100000.01", false),
             ("100000.001", true),
             ("0.12345678e-2147483648", false),
+            ("1e-50", true),
+            ("-1.5e-45", true),
+            ("1e-45", false),
         ] {
             let value = field.parse().unwrap();
             assert_eq!(loses_digits(field.as_bytes(), value), lost, "{field}");

@@ -71,6 +71,15 @@ fn rounding_warning_appears_once_with_the_first_number() {
 }
 
 #[test]
+fn numbers_below_the_range_of_f32_are_rounded_with_a_warning() {
+    let text = "x,y,z,r\n0,0,0,1e-45\n0,0,0,1e-50\n";
+    let mut reader = Frames::new("a.csv", Cursor::new(text), None, Options::default()).unwrap();
+    assert_eq!(reader.next().unwrap().unwrap().spheres[1].radius, 0.0);
+    let warning = reader.rounding().unwrap();
+    assert!(warning.starts_with("a.csv, line 3: r is 1e-50, "), "{warning}");
+}
+
+#[test]
 fn csv_species_are_interned_and_may_give_the_radius() {
     let text = "species,x,y,z\nb,0,0,0\na,0,0,0\nb,1,0,0\n";
     let options = options(None, &[("a", 1.0), ("b", 2.0), ("c", 3.0)]);
