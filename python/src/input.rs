@@ -78,9 +78,10 @@ struct Pipe {
 impl Read for Pipe {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         while self.block.position() == self.block.get_ref().len() as u64 {
+            check(&self.cancel)?;
             match self.blocks.recv_timeout(SIGNAL_POLL) {
                 Ok(block) => self.block = Cursor::new(block?),
-                Err(RecvTimeoutError::Timeout) => check(&self.cancel)?,
+                Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => return Ok(0),
             }
         }

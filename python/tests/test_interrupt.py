@@ -155,6 +155,18 @@ def test_waiting_for_a_pipe_ends(tmp_path: Path) -> None:
     os.close(end)
 
 
+def test_reading_a_pipe_that_is_never_empty_ends(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    # 100 GB, which take minutes to read.
+    rows = f"(echo x,y,z,r,rest; yes 1,2,3,4,{'a' * 10_000} | head -c 100000000000) > '{pipe}'"
+    writer = subprocess.Popen(["sh", "-c", rows], stderr=subprocess.DEVNULL)
+    began = time.monotonic()
+    interrupted(lambda: lazygrid.read(pipe))
+    assert time.monotonic() - began < 20
+    writer.wait()
+
+
 def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
     pipe, rows = tmp_path / "pipe.csv", "1,2,3,4\n" * 100_000
     os.mkfifo(pipe)
