@@ -118,6 +118,22 @@ fn report_has_the_reason_for_a_single_level() {
 }
 
 #[test]
+fn call_with_too_many_entries_has_a_single_level_whatever_was_begun_after_it() {
+    let Some(gpu) = device_or_skip() else { return };
+    let config = GpuConfig::default()
+        .algorithm(Algorithm::LazyGrid)
+        .cell_ratio(GpuConfig::MAX_CELL_RATIO)
+        .pair_capacity(1 << 17);
+    let mut session = GpuSession::new(with_small_bindings(&gpu), config).expect("made");
+    let spheres: Vec<_> = (0..3300).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
+    let first = session.begin(Spheres::from(&spheres)).expect("begun");
+    session.set_algorithm(Algorithm::Naive).expect("it has kernels");
+    let second = session.begin(Spheres::from(&spheres[..2])).expect("begun");
+    assert_eq!(session.finish_count(first), Ok(3300 * 3299 / 2));
+    assert_eq!(session.finish_count(second), Ok(1));
+}
+
+#[test]
 fn report_with_an_empty_set_describes_its_own_call() {
     let Some(gpu) = device_or_skip() else { return };
     let spheres: Vec<_> = (0..75_000).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.5)).collect();

@@ -89,9 +89,10 @@ impl GpuSession {
             log::info!("{entries} entries do not fit: retrying with more capacity");
             return self.submit_with_capacity(number, window, before);
         }
-        let Some(choice) =
-            self.calls[index].choice.with_fewer_entries(self.algorithm(), self.requested.cell_ratio)
-        else {
+        // The detector's plan may be that of a later call.
+        let (choice, spheres) = (self.calls[index].choice, self.call_buffers[index].count);
+        let (ran, _) = self.detector.settings().chosen(choice.algorithm, spheres);
+        let Some(choice) = choice.with_fewer_entries(ran, self.requested.cell_ratio) else {
             let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
             let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
             return Err(Error::LimitExceeded { what, needed: entries, limit, remedy });
