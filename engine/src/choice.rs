@@ -23,8 +23,7 @@ pub(crate) fn check_timeout(resolved: Backend, timeout: Option<std::time::Durati
     }
 }
 
-/// Returns the device and the reason, or `None` for the CPU. Calls `open` only if a GPU could run; its argument permits
-/// a software adapter.
+/// Returns the device, `None` for the CPU, and the reason. The argument of `open` permits a software adapter.
 pub(crate) fn backend<D>(
     requested: Backend,
     algorithm: Algorithm,
@@ -151,11 +150,7 @@ mod tests {
             let anywhere = backend(Backend::Auto, algorithm, open("software"));
             assert_eq!(anywhere.is_ok(), on_cpu || on_gpu, "{algorithm}");
             if let Ok((device, _)) = anywhere {
-                assert_eq!(
-                    device.is_some(),
-                    !on_cpu,
-                    "{algorithm}: software only where nothing else can run it"
-                );
+                assert_eq!(device.is_some(), !on_cpu, "{algorithm}: software only if nothing else runs it");
             }
         }
     }

@@ -47,9 +47,8 @@ impl Config {
         self
     }
 
-    /// Selects a GPU by [index or name](AdapterId). [`Backend::Auto`] then means [`Backend::Gpu`], and a software
-    /// adapter is permitted; [`Backend::Cpu`] is an error. Default: the best adapter, discrete before
-    /// integrated.
+    /// Selects a GPU, also a software adapter, by [index or name](AdapterId). [`Backend::Auto`] then means
+    /// [`Backend::Gpu`]; [`Backend::Cpu`] is an error. Default: the best adapter, discrete before integrated.
     #[cfg(feature = "gpu")]
     pub fn adapter(mut self, adapter: impl Into<AdapterId>) -> Self {
         self.adapter = Some(adapter.into());
@@ -66,8 +65,7 @@ impl Config {
         resolved == Ok(Backend::Gpu)
     }
 
-    /// Returns the device that the process shares for the named adapter. Without a name, for the best adapter that
-    /// `software` permits.
+    /// Returns the process's shared device for the named adapter, else for the best adapter that `software` permits.
     ///
     /// # Errors
     /// See [`GpuDevice::open`] and [`GpuDevice::open_adapter`].
@@ -82,8 +80,8 @@ impl Config {
         self
     }
 
-    /// Sets GPU measurements, by which `Auto` chooses. Entries for other adapters are ignored; the last one of an
-    /// adapter applies. Default: none; crossover and costs are assumed.
+    /// Adds GPU measurements, by which `Auto` chooses; the last one of an adapter applies. Default: none; crossover and
+    /// costs are assumed.
     #[cfg(feature = "gpu")]
     pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
         self.calibrations.extend(measured);
@@ -102,15 +100,15 @@ impl Config {
         self
     }
 
-    /// The widest vector instructions to use on the CPU. Searches on the GPU ignore it. Default: the widest available.
+    /// The widest vector instructions of CPU searches. Default: the widest available.
     pub fn simd(mut self, simd: Simd) -> Self {
         self.settings.simd = simd;
         self
     }
 
-    /// τ: cells with more than τ smaller spheres are refined (paper, section 3.2). Only the algorithms
-    /// [`RecursiveGrid`](Algorithm::RecursiveGrid) and [`LazyGrid`](Algorithm::LazyGrid) refine cells; others ignore it.
-    /// Default: [`Settings::TAU`] on the CPU, [`GpuConfig::TAU`](crate::gpu::GpuConfig::TAU) on the GPU.
+    /// τ: [`RecursiveGrid`](Algorithm::RecursiveGrid) and [`LazyGrid`](Algorithm::LazyGrid) refine cells with more than
+    /// τ smaller spheres (paper, section 3.2). Default: [`Settings::TAU`] on the CPU,
+    /// [`GpuConfig::TAU`](crate::gpu::GpuConfig::TAU) on the GPU.
     pub fn tau(mut self, tau: u32) -> Self {
         #[cfg(feature = "gpu")]
         {
@@ -120,9 +118,9 @@ impl Config {
         self
     }
 
-    /// Cell size of the paper's grids as a multiple of the largest diameter, 0.5 to 16; the GPU raises values below 1.5
-    /// to 1.5. The algorithms [`Naive`](Algorithm::Naive), [`CellList`](Algorithm::CellList) and
-    /// [`Auto`](Algorithm::Auto) ignore it. Default: [`Settings::CELL_RATIO`] on the CPU,
+    /// Cell size as a multiple of the largest diameter, 0.5 to 16; the GPU raises values below 1.5 to 1.5. Only the
+    /// paper's grids use it, not [`Naive`](Algorithm::Naive), [`CellList`](Algorithm::CellList) and
+    /// [`Auto`](Algorithm::Auto). Default: [`Settings::CELL_RATIO`] on the CPU,
     /// [`GpuConfig::CELL_RATIO`](crate::gpu::GpuConfig::CELL_RATIO) on the GPU.
     pub fn cell_ratio(mut self, ratio: f32) -> Self {
         #[cfg(feature = "gpu")]
@@ -140,25 +138,25 @@ impl Config {
         self
     }
 
-    /// Sets the species that pair, and their distances. Spheres then need species ids. Default: `None`; all touching
-    /// spheres pair.
+    /// Sets the species that pair, and their distances. Spheres then need species ids. Default: all touching spheres
+    /// pair.
     pub fn interactions(mut self, interactions: impl Into<Option<Interactions>>) -> Self {
         self.settings.interactions = interactions.into();
         self
     }
 
-    /// Sets a flag that cancels CPU searches and neighbor lists with geometry, for example on Ctrl-C. While it is
-    /// `true`, they return [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except during sorting.
-    /// GPU searches have a [`timeout`](Self::timeout). Default: none.
+    /// Sets a flag, for example for Ctrl-C. While it is `true`, CPU searches and neighbor lists with geometry return
+    /// [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except during sorting. GPU searches have a
+    /// [`timeout`](Self::timeout). Default: none.
     pub fn cancel_flag(mut self, flag: Arc<AtomicBool>) -> Self {
         self.settings.stop = Some(flag);
         self
     }
 
     /// Time limit of each submission to the GPU, after which the call returns
-    /// [`Error::Timeout`](crate::Error::Timeout). A call that is split or repeated has several submissions.
-    /// On the CPU it has no effect, but a [`cancel_flag`](Self::cancel_flag) has: [`Backend::Cpu`] with a timeout is an
-    /// error, and if [`Backend::Auto`] finds no GPU, the reason in the report says so. Default: ten minutes.
+    /// [`Error::Timeout`](crate::Error::Timeout). A call that is split or repeated has several submissions. The CPU
+    /// has a [`cancel_flag`](Self::cancel_flag) instead: [`Backend::Cpu`] with a timeout is an error, and if
+    /// [`Backend::Auto`] finds no GPU, the reason in the report says so. Default: ten minutes.
     #[cfg(feature = "gpu")]
     pub fn timeout(mut self, timeout: Duration) -> Self {
         self.timeout = Some(timeout);
@@ -166,7 +164,7 @@ impl Config {
     }
 
     /// Sets the skin of the candidate list (Verlet list) kept between calls. Results do not change. Default:
-    /// [`Skin::Auto`], which uses the adapter's costs on the GPU; see [`calibration`](Self::calibration).
+    /// [`Skin::Auto`], on the GPU by the costs of the [`calibration`](Self::calibration).
     pub fn skin(mut self, skin: Skin) -> Self {
         self.settings.skin = skin;
         self

@@ -63,8 +63,7 @@ fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
 }
 
 impl Detector {
-    /// Creates a detector and logs its backend. With [`Backend::Auto`](crate::Backend::Auto) and a GPU, each call
-    /// chooses.
+    /// Creates a detector. With [`Backend::Auto`](crate::Backend::Auto) and a GPU, each call chooses its backend.
     ///
     /// # Errors
     /// [`Error::GpuUnavailable`] if a requested GPU cannot be used; [`Error::NotOnBackend`] if the backend lacks the
@@ -114,8 +113,8 @@ impl Detector {
     ///
     /// Unlike other searches, this one finds all images within the cutoff, in a smaller box also a sphere's own.
     /// Exclusions apply to all images. `i` and `j` are neighbors at shift `S` if `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`
-    /// is at most their cutoff long. `v` is computed in `f64` on any backend; a GPU decides pairs of `f32` spheres
-    /// within a few ulp of tangency as for [`pairs`](Self::pairs). The order is canonical.
+    /// is at most their cutoff long. `v` is computed in `f64` on any backend, but a GPU decides `f32` pairs as for
+    /// [`pairs`](Self::pairs). The order is canonical.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, ListOptions, Radii, Space, Spheres};
@@ -141,7 +140,7 @@ impl Detector {
         self.geometry.neighbor_list(&mut self.finder, &query.into(), options)
     }
 
-    /// Returns the number of pairs, without storing them.
+    /// Returns the number of pairs.
     ///
     /// # Errors
     /// See [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
@@ -154,8 +153,8 @@ impl Detector {
     ///
     /// In canonical order the whole stream is sorted; each further [`Config::max_pairs`] pairs then cost one more
     /// search. If that would be more than 16 searches, parts are larger, up to a quarter of the number of spheres.
-    /// Unordered chunks arrive one at a time, possibly from another thread. `consume` must not wait for work of the same
-    /// rayon pool, because searching threads may wait for it; a detector with its own pool may search.
+    /// Unordered chunks may arrive from another thread, one at a time. `consume` must not wait for work of the same
+    /// rayon pool, whose threads may wait for it; a detector with its own pool may search.
     ///
     /// # Errors
     /// See [`count`](Self::count).
@@ -186,9 +185,9 @@ impl Detector {
 
     /// Estimates the bytes that this detector holds for `spheres` spheres (at most
     /// [`MAX_SPHERES`](crate::MAX_SPHERES)), without the result. On the CPU this is an upper bound for one set in `f32`
-    /// rows or columns, apart from 16 KiB that do not depend on the spheres. Copies of two sets, `f64` and strided
-    /// input take up to 23 bytes more per sphere. On a GPU, the estimate includes the host's copy in a triclinic cell
-    /// or a box whose lengths are no `f32` numbers. Neighbor lists take memory in proportion to the neighbors.
+    /// rows or columns, apart from 16 KiB. Copies of two sets, `f64` and strided input take up to 23 bytes more per
+    /// sphere. On a GPU, the estimate includes the host's copy in a triclinic cell or a box whose lengths are no `f32`
+    /// numbers. Neighbor lists take memory in proportion to the neighbors.
     ///
     /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes the maximum number of candidates: on the CPU
     /// 96 per sphere (768 bytes), although few scenes exceed ten.

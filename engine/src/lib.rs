@@ -14,7 +14,7 @@
 //!
 //! # Features
 //!
-//! `gpu`, on by default: the GPU path, [`gpu`]. Without it wgpu is not compiled, and [`Backend::Auto`] is the CPU.
+//! `gpu`, on by default: the module [`gpu`]. Without it [`Backend::Auto`] is the CPU, and wgpu is not compiled.
 //!
 //! # On the GPU
 //!

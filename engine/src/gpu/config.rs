@@ -35,8 +35,8 @@ impl GpuConfig {
         Self { algorithm, ..self }
     }
 
-    /// Number of spheres below which `Auto` tests all pairs; [`calibrate`](super::calibrate) measures it. One size
-    /// class is assumed, because radii in GPU buffers are unknown. Default: [`Crossover::HARDWARE`].
+    /// Number of spheres below which `Auto` tests all pairs, for one size class, because radii in GPU buffers are
+    /// unknown; [`calibrate`](super::calibrate) measures it. Default: [`Crossover::HARDWARE`].
     pub fn crossover(self, crossover: Crossover) -> Self {
         Self { crossover, ..self }
     }
@@ -63,7 +63,7 @@ impl GpuConfig {
         Self { radix_sort_from, ..self }
     }
 
-    /// Species that pair, with their distances, rounded to `f32`. Default: none; all touching spheres pair.
+    /// Species that pair, and their distances, rounded to `f32`. Default: all touching spheres pair.
     pub fn interactions(self, interactions: impl Into<Option<Interactions>>) -> Self {
         Self { interactions: interactions.into(), ..self }
     }
@@ -75,21 +75,20 @@ impl GpuConfig {
         Self { space, ..self }
     }
 
-    /// Layout of spheres in four `f32` arrays, passed by [`GpuSpheres::from_columns`]. A further dispatch copies them
-    /// to rows, 16 bytes per sphere. A [`GpuSession`](super::GpuSession) ignores it. Default: `None`, rows of `x, y, z,
-    /// r`.
+    /// Layout of spheres in four `f32` arrays ([`GpuSpheres::from_columns`]). A further dispatch copies them to rows,
+    /// 16 bytes per sphere. A [`GpuSession`](super::GpuSession) ignores it. Default: rows `x, y, z, r`.
     pub fn columns(self, columns: impl Into<Option<ColumnLayout>>) -> Self {
         Self { columns: columns.into(), ..self }
     }
 
-    /// Threads per workgroup of the indirectly dispatched consumer. Default: 256.
+    /// Threads per workgroup of the consumer that [`Outcome::DISPATCH_OFFSET`] dispatches. Default: 256.
     pub fn consumer_workgroup_size(self, consumer_workgroup_size: u32) -> Self {
         Self { consumer_workgroup_size, ..self }
     }
 
-    /// Lets pairs of the cell list hold positions in its cell order ([`CellOrder`](super::CellOrder)) instead of input
-    /// indices. [`Outcome::pairs_in_cell_order`] is 1 if they do: other algorithms, windows and a
-    /// [`GpuSession`](super::GpuSession) always use input indices. Default: no.
+    /// Lets pairs of the cell list hold positions in its cell order ([`CellOrder`](super::CellOrder)); then
+    /// [`Outcome::pairs_in_cell_order`] is 1. Other algorithms, windows and a [`GpuSession`](super::GpuSession) always
+    /// use input indices. Default: no.
     pub fn pairs_in_cell_order(self, pairs_in_cell_order: bool) -> Self {
         Self { pairs_in_cell_order, ..self }
     }
@@ -115,10 +114,9 @@ impl GpuConfig {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }
 
-    /// Sets the number of recorded parts of the search of crowded cells. Only the device knows its work. If a part
+    /// Sets the number of recorded parts of the search of crowded cells, whose work only the device knows. If a part
     /// exceeds [`max_tests_per_dispatch`](Self::max_tests_per_dispatch), the outcome has [`Outcome::OVERFLOW_WORK`].
-    /// Parts without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts
-    /// itself.
+    /// Parts without work cost some microseconds. Default: 1, to which a [`GpuSession`](super::GpuSession) adds.
     pub fn deferred_parts(self, parts: u32) -> Self {
         Self { deferred_parts: parts, ..self }
     }

@@ -24,7 +24,7 @@ impl Crossover {
     /// Assumed for a software adapter: `lazygrid calibrate` for Mesa's llvmpipe on two cores, rounded.
     pub const SOFTWARE: Self = Self { naive_below: 300, per_class: 0 };
 
-    /// Assumed for an unmeasured adapter.
+    /// Returns the crossover of an unmeasured adapter.
     pub const fn assumed(is_hardware: bool) -> Self {
         if is_hardware { Self::HARDWARE } else { Self::SOFTWARE }
     }
@@ -39,9 +39,9 @@ impl Crossover {
     }
 }
 
-/// Measurements by which `Auto` chooses, valid for one adapter, driver and library version. The application stores them
-/// for [`Config::calibration`](crate::Config::calibration). Assumed crossovers of discrete GPUs agree with an H100 and
-/// an H200; no integrated GPU was measured.
+/// Measurements by which `Auto` chooses ([`Config::calibration`](crate::Config::calibration)), valid for one adapter,
+/// driver and library version. Assumed crossovers of discrete GPUs agree with an H100 and an H200; integrated GPUs were
+/// not measured.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {

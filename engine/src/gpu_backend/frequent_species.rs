@@ -1,5 +1,5 @@
-//! The species of most spheres. A device keeps small cells for one of several narrow groups that pair with each
-//! other, which should be that of the most frequent species.
+//! The species of most spheres, whose narrow group should have the small cells: of several such groups that pair with
+//! each other, a device keeps them for one.
 
 use lazygrid_host::sample_species;
 use lazygrid_kernels::{Interactions, Query, try_reserve};
@@ -26,8 +26,8 @@ impl FrequentSpecies {
         self.searched
     }
 
-    /// Returns a new most frequent species that needs other sides. The device must accept the sides before
-    /// the species is [recorded](Self::record).
+    /// Returns a new most frequent species that needs other sides. After the device has accepted these, the species
+    /// must be [recorded](Self::record).
     pub(super) fn next(&mut self, query: &Query<'_>, table: &Interactions) -> Result<Option<u32>, Error> {
         let Self { searched, waited, patience, counts } = self;
         counts.clear();

@@ -229,7 +229,7 @@ struct Device {
 }
 
 impl Device {
-    /// Omits absent species if that reduces radii of others, and follows the most frequent species, if memory suffices.
+    /// Omits absent species if that reduces radii of others, and follows the most frequent one, if memory suffices.
     fn search_species(
         &mut self,
         species: &mut DeviceSpecies,
@@ -288,8 +288,7 @@ impl Device {
     }
 }
 
-/// Returns the interactions to search. In a frame, spheres of effective radii are candidates if they touch and their
-/// species can pair.
+/// In a frame, spheres of effective radii are candidates if they touch and their species can pair.
 fn searched_table(settings: &Settings, is_framed: bool) -> Result<Option<Interactions>, Error> {
     let Some(table) = &settings.interactions else { return Ok(None) };
     Ok(Some(if is_framed { table.contact_only()? } else { table.clone() }))

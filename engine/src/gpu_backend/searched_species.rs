@@ -22,7 +22,7 @@ pub(super) struct SearchedSpecies {
 }
 
 impl SearchedSpecies {
-    /// Returns new interactions, which the device must accept before the change is [recorded](Self::record).
+    /// Returns new interactions, whose change must be [recorded](Self::record) after the device has accepted them.
     pub(super) fn next(
         &mut self,
         present: &SpeciesGroups,

@@ -5,7 +5,7 @@ use lazygrid_host::{CandidateListStats, RebuildReason, SKIN_RANGE, SkinCosts, Sk
 use super::slab_search::SearchRequest;
 use crate::Error;
 
-/// A proposed skin within these factors of the current one is ignored, because a change rebuilds the list.
+/// Within these factors the current skin stays, because a change rebuilds the list.
 const SIMILAR_SKIN_RATIOS: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 
 #[derive(Debug, Default)]

@@ -211,8 +211,8 @@ impl SlabSearch {
         Ok(found)
     }
 
-    /// Passes the pairs in chunks. With `in_order`, these ascend by smaller index and have at most that number of pairs,
-    /// unless one sphere, or the output of the device, has more.
+    /// With `in_order`, chunks ascend by smaller index and have at most that number of pairs, unless one sphere, or the
+    /// output of the device, has more.
     pub(super) fn for_each_chunk(
         &mut self,
         request: &SearchRequest<'_>,
@@ -261,7 +261,7 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Searches ranges of indices if all pairs are more than `most`.
+    /// Searches ranges of indices if there are more than `most` pairs.
     fn range_by_range(
         &mut self,
         cut: &SlabCut<'_>,
@@ -343,7 +343,7 @@ impl SlabSearch {
         Ok(ticket)
     }
 
-    /// Begins the search of a slab, without candidate list, because the next call is another slab.
+    /// Uses no candidate list, because the next call is another slab.
     fn begin_slab(
         &mut self,
         cut: &SlabCut<'_>,

@@ -7,8 +7,8 @@
 //! omitted, so the spheres of the range come first, and the search window ends with them. Pairs of two ghosts are
 //! dropped: the slab that owns one of the spheres finds the pair, too.
 //!
-//! The first of two sets has the smaller indices, and no range exceeds it. Spheres of the first set outside the range
-//! are omitted, so the first set also comes first in a slab.
+//! No range exceeds the first of two sets, which has the smaller indices. Its spheres outside the range are omitted, so
+//! it also comes first in a slab.
 
 use std::ops::Range;
 
@@ -17,9 +17,8 @@ use lazygrid_kernels::{EffectiveRadius, Interactions, Pair, Space, Sphere, Spher
 
 use crate::Error;
 
-/// Spheres whose lower ends are sampled to choose possible cuts.
+/// Spheres whose lower ends are sampled to choose boundaries.
 const SAMPLE: usize = 1 << 14;
-/// Possible cuts of an axis.
 const MAX_BOUNDARIES: usize = 1 << 10;
 /// Ends are moved outwards by this fraction of the radius, and of a periodic length: above the rounding error and the 4
 /// ulp of a GPU.
@@ -109,7 +108,7 @@ impl<'a> SlabInput<'a> {
         self.space.lengths()[axis]
     }
 
-    /// Returns cuts with about equally many spheres between them; the first is below all spheres.
+    /// Returns possible cuts with about equally many spheres between them; the first is below all spheres.
     fn boundaries(&self, axis: usize) -> Vec<f64> {
         let step = (self.spheres.len() / SAMPLE).max(1);
         let mut begins: Vec<f64> =
@@ -246,8 +245,7 @@ impl Slab {
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
     }
 
-    /// Returns the size of the first of two sets, 0 for one set. For two sets the size is 0 only if the
-    /// [window](Self::window) is empty.
+    /// Returns the size of the first of two sets: 0 for one set, and if the [window](Self::window) is empty.
     pub(crate) fn split(&self) -> u32 {
         if self.has_two_sets { self.ends[1] } else { 0 }
     }
@@ -258,7 +256,7 @@ impl Slab {
         0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 
-    /// Restores indices, and drops pairs of two ghosts.
+    /// Drops pairs of two ghosts.
     pub(crate) fn restore_indices(&self, pairs: &mut Vec<Pair>) {
         let [owned, of_range, others] = self.ends;
         let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::gpu::session::GpuSession;
 
 pub(super) const SIZES: [u32; 10] = [256, 512, 1024, 2048, 4096, 8192, 16_384, 32_768, 65_536, 131_072];
-/// Disturbances only add time, so the fastest round counts.
+/// The fastest counts, because disturbances only add time.
 pub(super) const ROUNDS: usize = 7;
 /// Time of the rounds of a scene after which three rounds are enough: disturbances are a small part of long calls, and
 /// a driver in software would take a minute.

@@ -37,7 +37,7 @@ pub struct CrossoverSample {
     pub grid: Duration,
 }
 
-/// Time of work after which an idle GPU has raised its clock: an H100 copied 0.40 TB/s when idle, 0.80 TB/s after work.
+/// Time in which an idle GPU raises its clock: an H100 copied 0.40 TB/s when idle, 0.80 TB/s after work.
 const WARM_UP: Duration = Duration::from_secs(1);
 
 /// Measures the [`Calibration`] of this device within seconds. `seen` receives each crossover sample.

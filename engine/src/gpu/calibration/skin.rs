@@ -20,9 +20,8 @@ const SKINS: [f32; 2] = [0.05, 1.0];
 #[derive(Clone, Copy, Debug)]
 struct TimedCall {
     nanoseconds: f64,
-    /// Pairs per sphere.
+    /// Per sphere, as the candidates.
     pairs: f64,
-    /// Candidates per sphere.
     candidates: f64,
 }
 

@@ -29,8 +29,8 @@ impl From<u32> for SphereCount<'_> {
     }
 }
 
-/// A buffer or a range of it: `&buffer`, `buffer.slice(..)` or [`BufferRange::new`]. The buffer may exceed the binding
-/// limit, because a call binds only the needed bytes.
+/// A buffer or a range of it: `&buffer`, `buffer.slice(..)` or [`BufferRange::new`]. It may exceed the binding limit,
+/// because a call binds only the needed bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferRange<'a> {
     buffer: &'a wgpu::Buffer,
@@ -116,7 +116,7 @@ impl<'a> GpuSpheres<'a> {
         Self { species: Some(species.into()), ..self }
     }
 
-    /// Restricts pairs to smaller indices in `window`, to read a large result in parts. Default: [`ALL`](Self::ALL).
+    /// Restricts the smaller index of pairs to `window`, to read a large result in parts. Default: [`ALL`](Self::ALL).
     pub fn in_window(self, window: Range<u32>) -> Self {
         Self { window, ..self }
     }

@@ -55,10 +55,8 @@ pub(crate) enum LayoutSource {
 }
 
 impl GpuDetector {
-    /// Creates a detector on the caller's device. Kernels are compiled on first use.
-    ///
-    /// Kernels use subgroup operations only after [`GpuDevice::from_wgpu`](crate::gpu::GpuDevice::from_wgpu) has probed
-    /// the adapter.
+    /// Creates a detector on the caller's device. Kernels are compiled on first use, with subgroup operations only if
+    /// [`GpuDevice::from_wgpu`](crate::gpu::GpuDevice::from_wgpu) has probed the adapter.
     ///
     /// # Errors
     /// [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for settings, or an error of the device.
@@ -180,8 +178,8 @@ impl GpuDetector {
         self.settings.pair_capacity = pairs;
     }
 
-    /// Raises the capacity to `entries` (cell, object) entries, such as [`Outcome::entries_needed`]. Calls of less than
-    /// half as many spheres keep theirs. Returns `false` if the device cannot hold them.
+    /// Raises the capacity to `entries` (cell, sphere) entries, such as [`Outcome::entries_needed`], but not that of
+    /// calls of less than half as many spheres. Returns `false` if the device cannot hold them.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         let spheres = self.plan().map_or(0, |plan| plan.spheres);
         self.raise_entry_capacity(entries, spheres)
@@ -237,8 +235,8 @@ impl GpuDetector {
         check(&self.settings).inspect_err(|_| self.settings.cell_ratio = before)
     }
 
-    /// Records the detection without submit, poll or readback. Allocates only if the call is larger than all before;
-    /// otherwise it returns the previous buffers.
+    /// Records the detection without submit, poll or readback. Returns the previous buffers, unless the call is larger
+    /// than all before.
     ///
     /// # Errors
     /// [`Error::BufferSize`], [`Error::BufferUsage`] and [`Error::SpeciesBuffer`] for the input; otherwise as
@@ -253,7 +251,7 @@ impl GpuDetector {
         Ok(output)
     }
 
-    /// Binds a call, whose parts [`encode_part`](Self::encode_part) records in one encoder or in several that are
+    /// Binds a call. [`encode_part`](Self::encode_part) records its parts, in one encoder or in several that are
     /// submitted in sequence.
     ///
     /// # Errors
@@ -277,7 +275,7 @@ impl GpuDetector {
         }
     }
 
-    /// Returns the kernels of the bound call in execution order, one per dispatch.
+    /// Returns the kernel of each dispatch of the bound call, in execution order.
     pub fn kernels(&self) -> Vec<&'static str> {
         self.recording().map_or(vec![], |recording| recording.kernels().collect())
     }

@@ -19,8 +19,8 @@ pub struct GpuOutput {
     pub sorted: Option<CellOrder>,
 }
 
-/// The spheres in cell order, one element per sphere, until the next call; `STORAGE` and `COPY_SRC` usage. Adopting
-/// this order now and then accelerates later calls and, with [`GpuConfig::pairs_in_cell_order`], work on pairs.
+/// The spheres in cell order, until the next call; `STORAGE` and `COPY_SRC` usage. Adopting this order now and then
+/// accelerates later calls and, with [`GpuConfig::pairs_in_cell_order`], work on pairs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CellOrder {

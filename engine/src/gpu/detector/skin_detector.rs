@@ -29,7 +29,7 @@ const ROUNDING: f32 = 1.0 + 1.0 / (1 << 19) as f32;
 /// Candidate capacity per pair of the output, unless the device cannot bind it.
 const PER_PAIR: u32 = 4;
 
-/// Finds overlapping pairs of slowly moving spheres in GPU buffers, with a candidate list of pairs with gaps up to the
+/// Finds overlapping pairs of slowly moving spheres in GPU buffers by a list of candidates: pairs with gaps up to the
 /// skin.
 ///
 /// The device rebuilds the list if a sphere has moved half the skin, or the number of spheres, a radius or a species
@@ -224,7 +224,7 @@ impl GpuSkinDetector {
             None => self.allocate([spheres, pairs, parts])?,
         };
         let ResidentBuffers { buffers, candidates, .. } = &mut resident;
-        // The search has no window and split, so its candidates serve any.
+        // Without window and split, the candidates serve any.
         let mut reference = GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count);
         reference.species = buffers.find(BufferId::ReferenceSpecies).map(Into::into);
         let found = self.search.bind_as(choice, &reference, LayoutSource::ThisCall)?;
@@ -300,7 +300,7 @@ impl GpuSkinDetector {
                     ("state", ..) => state.get(BufferId::SkinState).into(),
                     ("full_counts", ..) => (&full).into(),
                     ("dispatch_counts", ..) => counts.get(BufferId::DispatchCounts).into(),
-                    // Without indirect arguments, binds a buffer that nothing reads.
+                    // Without indirect arguments, nothing reads the buffer.
                     ("dispatch", ..) if dispatch.kernel == &k::SKIN_CHECK => search
                         .and_then(Recording::indirect_args)
                         .map_or_else(|| own(BufferId::DispatchArgs), BoundBuffer::from),

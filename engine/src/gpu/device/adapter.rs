@@ -106,17 +106,17 @@ impl AdapterId {
     }
 }
 
-/// Returns the features that are used if present. Host applications should request them, with the adapter's limits.
+/// Returns the features that host applications should request if present, with the adapter's limits.
 pub fn optional_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES
 }
 
 /// Omits two default flags.
 ///
-/// - Debugging information of shaders: naga counts the lines before each instruction, which takes most of the time of
+/// - Debugging information of shaders, for which naga counts the lines before each instruction: most of the time of
 ///   compiling a kernel.
-/// - Validation of indirect dispatches, which costs a dispatch each: kernels write at most 65,535 workgroups. Windows
-///   keeps it, because DirectX 12 has `num_workgroups` of validated dispatches only.
+/// - Validation of indirect dispatches, a dispatch each: kernels write at most 65,535 workgroups. Windows keeps it,
+///   because DirectX 12 has `num_workgroups` of validated dispatches only.
 fn instance_flags() -> wgpu::InstanceFlags {
     let omitted = match cfg!(windows) {
         true => wgpu::InstanceFlags::DEBUG,

@@ -95,8 +95,8 @@ impl GpuDevice {
 }
 
 impl GpuDevice {
-    /// Wraps a host application's device without replacing its handlers. An adapter's first device runs a short probe,
-    /// without which detectors use no subgroup operations.
+    /// Wraps a host application's device without replacing its handlers. An adapter's first device runs a short
+    /// subgroup probe.
     pub fn from_wgpu(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         subgroup_probe::run_once(device, queue);
         Self {
@@ -108,7 +108,7 @@ impl GpuDevice {
         }
     }
 
-    /// Returns the process's shared device, kept until it is lost. A missing adapter is looked up once.
+    /// Returns the process's shared device, kept until it is lost. A missing adapter stays missing.
     ///
     /// # Errors
     /// See [`open`](Self::open).
@@ -139,7 +139,7 @@ impl GpuDevice {
         opened
     }
 
-    /// Polls the device. If the driver reports a loss meanwhile, returns an error where wgpu panics.
+    /// Polls the device, and returns an error if the driver reports a loss, for which wgpu panics.
     ///
     /// # Errors
     /// [`Error::Timeout`] and [`Error::DeviceLost`]; [`Error::DeviceRejected`] for another device's submission.
@@ -173,8 +173,7 @@ impl GpuDevice {
         self.probe().err().unwrap_or(error)
     }
 
-    /// Creates a small buffer, because the driver reports a loss late, and for a host application's device only to the
-    /// application.
+    /// Creates a small buffer, because a driver reports a loss late, and only to a host application whose device it is.
     pub(crate) fn probe(&self) -> Result<(), Error> {
         self.check_lost()?;
         // A poll delivers the report of a loss.
@@ -236,9 +235,8 @@ impl GpuDevice {
         Self { pipelines: self.pipelines.rewritten(rewrite), ..self }
     }
 
-    /// Compiles WGSL without wgpu's loop counters. Returns the compute pipeline of entry point `name` and its bind
-    /// group layout: group 0, bindings numbered from 0. The device keeps each text, so pass numbers that change in
-    /// buffers.
+    /// Compiles WGSL without wgpu's loop counters, and keeps each text: pass numbers that change in buffers. Returns
+    /// the compute pipeline of entry point `name` and its bind group layout: group 0, bindings numbered from 0.
     ///
     /// # Errors
     /// See [`with_error_scope`](Self::with_error_scope).

@@ -1,5 +1,5 @@
-//! The subgroup probe, run once per adapter and process. Kernels with subgroup operations need full subgroups whose
-//! lanes follow local indices. wgpu requests neither, and no API reports them.
+//! The subgroup probe, once per adapter and process. Kernels with subgroup operations need full subgroups whose lanes
+//! follow local indices, which wgpu does not request and no API reports.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};

@@ -6,8 +6,7 @@ use crate::Error;
 use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::plan::{BufferId, digits, scan_dispatches, sort_buffers, sort_dispatches};
 
-/// A stable radix sort of `u32` keys with a `u32` payload, up to eight bits per pass. No workgroup waits for another,
-/// so it runs on every device.
+/// A stable radix sort of `u32` keys with a `u32` payload. No workgroup waits for another, so it runs on every device.
 #[derive(Debug)]
 pub struct RadixSort {
     device: wgpu::Device,

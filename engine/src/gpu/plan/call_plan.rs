@@ -85,7 +85,7 @@ pub struct DispatchSequence {
     pub dispatches: Vec<PlanDispatch>,
     /// First dispatch of a continuation; the number of dispatches if calls have one part.
     pub continuation: usize,
-    /// First dispatch of each part after the first. Parts have about 200 ms of work and may be submitted separately.
+    /// First dispatch of each part after the first. Parts of about 200 ms may be submitted separately.
     pub part_starts: Vec<usize>,
 }
 

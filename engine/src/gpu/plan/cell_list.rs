@@ -14,22 +14,21 @@ const COUNTED_HALF_CELLS: u64 = 6;
 const SORTED_HALF_CELLS: u64 = 3;
 /// Minimum number of cells, because every level needs some of them.
 const MIN_CELLS: u64 = 1 << 12;
-/// Maximum number of cells, which keeps the number of counters below 2³¹.
+/// Keeps the number of counters below 2³¹.
 const MAX_CELLS: u64 = 1 << 30;
 /// Rounding adds at most one cell in this many: the device computes cell counts as products of floats, which round
 /// three times by 2⁻²⁴.
 const ROUNDED: u64 = 1 << 22;
 /// Counters of level 0 that fit the caches of current devices.
 const MAX_OCCUPANCY_SLOTS: u32 = 1 << 22;
-/// Maximum number of workgroups of the statistics kernel: enough for current devices, with little contention at its
-/// counters.
+/// Maximum workgroups of the statistics kernel: enough for current devices, with little contention at its counters.
 const STATS_GROUPS: u32 = 1024;
-/// Maximum number of workgroups of the occupancy kernel, whose threads stride over the spheres.
+/// Maximum workgroups of the occupancy kernel, whose threads stride over the spheres.
 const OCCUPANCY_GROUPS: u32 = 1024;
 /// Spheres per thread of the statistics kernel, in calls of few and of many spheres.
 const SPHERES_PER_THREAD: [u32; 2] = [2, 8];
-/// Largest call with as few dispatches as possible, because each costs more than its work: all smaller spheres leave
-/// overfull cells, and the search has a workgroup for each chunk of candidates of every block.
+/// Largest call with as few dispatches as possible, because their work costs less: all smaller spheres leave overfull
+/// cells, and the search has a workgroup for each chunk of candidates of every block.
 const MAX_SMALL_CALL: u32 = 1 << 15;
 /// Largest call that one workgroup surveys and sets up, in ten rounds of four loads.
 const MAX_ONE_GROUP_SETUP: u32 = 40 * k::WORKGROUP_SIZE;

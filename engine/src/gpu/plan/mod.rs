@@ -45,14 +45,14 @@ pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 
 /// Workgroups of a naive search that fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
-/// Number of entries that the search of far pairs in a run distributes over one dimension, even if all are in one cell.
+/// Entries that the search of far pairs in a run distributes over one dimension, even if all are in one cell.
 const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
-/// Number of spheres whose candidates fit the workgroups of one dimension, one per chunk after the first. Below
+/// Spheres whose candidates fit the workgroups of one dimension, one per chunk after the first. Below
 /// [`k::MAX_ENTRY_OBJECTS`].
 const MAX_SPHERES: u64 = 65_536 * k::CANDIDATES_PER_INVOCATION as u64;
 /// Hashed keys need three bits per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
-/// Half of the occupancy table; fits the caches of current devices.
+/// Half of the table; fits the caches of current devices.
 const MAX_OCCUPANCY_SLOTS: u32 = 1 << 22;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -172,8 +172,8 @@ impl Plan {
         blocks.div_ceil(groups_per_block) * u64::from(k::WORKGROUP_SIZE).pow(2)
     }
 
-    /// Returns the number of parts, one per dispatch of a divided or deferred search; the last divided dispatch and the
-    /// first deferred one share a part.
+    /// Counts a part per dispatch of a divided or deferred search; the last divided and the first deferred one share a
+    /// part.
     pub(crate) fn parts(&self) -> u32 {
         let divided = self.dispatches.iter().filter(|dispatch| dispatch.first_group > 0).count();
         let deferred = self.dispatches.iter().filter(|dispatch| dispatch.indirect).count();
@@ -194,7 +194,7 @@ impl Plan {
     }
 
     pub(crate) fn digits(&self) -> Vec<RadixPass> {
-        // The objects of a cell list are the positions of its keys.
+        // A cell list sorts the positions of its keys.
         digits(self.key_bits, self.algorithm == Algorithm::CellList)
     }
 
@@ -277,7 +277,7 @@ pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
 }
 
 /// Returns eight entries per sphere, the most at one level, or as many as the device can bind. Several levels rarely
-/// need more, which the overflow flag reports. Unused capacity costs workgroups without work.
+/// need more, which would cost workgroups without work.
 fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error> {
     let spheres = request.spheres;
     let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
@@ -293,7 +293,6 @@ fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error
     Ok(entries as u32)
 }
 
-/// Returns enough workgroups to keep the device busy.
 fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     let blocks = u64::from(spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
     let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
@@ -305,7 +304,7 @@ fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     Ok(needed as u32)
 }
 
-/// Returns bits for the cells that the spheres can occupy. Larger grids are hashed.
+/// Larger grids are hashed.
 fn key_bits(spheres: u32) -> u32 {
     let bits = u32::BITS - spheres.max(2).leading_zeros();
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)

@@ -58,7 +58,7 @@ impl Planner {
         Self { count_in_buffer, ..self }
     }
 
-    /// Plans a call of `spheres` spheres, or of at most that many if a buffer has the number.
+    /// Plans a call of `spheres` spheres, or at most that many if a buffer has the number.
     ///
     /// # Errors
     /// [`Error::LimitExceeded`] if a buffer exceeds the limits; [`Error::InvalidSetting`] and [`Error::NotOnBackend`]

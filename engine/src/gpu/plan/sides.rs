@@ -1,5 +1,4 @@
-//! The sides of a cell list on the GPU: a partition of the species that needs few comparisons. Sides without common
-//! interactions are never compared.
+//! The sides of a cell list on the GPU: a partition of the species that needs few comparisons.
 
 use lazygrid_host::SpeciesPartition;
 use lazygrid_kernels::layout::{CellListLayout, SearchParams};
@@ -8,7 +7,7 @@ use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 /// More sides must save at least this fraction of comparisons: each side has a table of cells.
 const MIN_SAVING: f64 = 0.25;
 /// A group is a narrow side if its spheres pair among themselves within less than this fraction of the distance to
-/// others. At a larger fraction, its cells would seldom be crowded enough to pay for searches between sides.
+/// others. Else its cells would seldom be crowded enough to pay for searches between sides.
 const MAX_NARROW: f64 = 0.25;
 const MAX_SIDES: usize = CellListLayout::MAX_SIDES;
 /// Maximum number of sides of each of two sets, so that a side has at least eight levels.
@@ -172,15 +171,15 @@ impl PairingGroups {
             .all(|group| others(group).all(|other| division[other] != division[group]))
     }
 
-    /// Returns `true` if no group without pairs of its own is on a side that is compared with itself. Such comparisons
-    /// grow with the square of the spheres, for no pair.
+    /// Returns `true` if no group without pairs of its own is on a side that is compared with itself, in quadratic time
+    /// for no pair.
     fn separates_groups_without_pairs(&self, division: &Division, partners: &[u8]) -> bool {
         let is_compared = |side: u8| partners[usize::from(side)] >> side & 1 == 1;
         (0..self.count()).all(|group| self.partners[group] >> group & 1 == 1 || !is_compared(division[group]))
     }
 
-    /// Returns the division with fewest comparisons, with as many sides as save enough. One exists: one group on each
-    /// side separates narrow groups and those that do not pair with themselves.
+    /// Returns the division with fewest comparisons, with as many sides as save enough. One exists: a side per group
+    /// separates narrow groups and those that do not pair with themselves.
     fn divide(&self) -> Division {
         let mut best = [(f64::INFINITY, [0; MAX_SIDES]); MAX_SIDES + 1];
         for division in divisions(self.count()).into_iter().filter(|division| self.separates_narrow(division))
@@ -218,7 +217,7 @@ impl PairingGroups {
     }
 }
 
-/// Returns all divisions once each: a group is on an earlier group's side or on the next.
+/// A group is on an earlier group's side or on the next.
 fn divisions(groups: usize) -> Vec<Division> {
     let mut divisions = vec![([0; MAX_SIDES], 0)];
     for group in 0..groups {

@@ -5,8 +5,8 @@
 //! 1. A divided kernel derives its work only from the number of its workgroup, plus
 //!    [`SearchParams::first_workgroup`](lazygrid_kernels::layout::SearchParams::first_workgroup).
 //! 2. A part begins where its predecessor ends.
-//! 3. A part has at most one row, because a dispatch of several rows may have more workgroups than requested, which
-//!    would belong to the next part.
+//! 3. A part has at most one row: a dispatch of several rows may have more workgroups than requested, which would
+//!    belong to the next part.
 
 use std::time::Duration;
 

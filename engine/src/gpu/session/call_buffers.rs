@@ -17,8 +17,8 @@ pub(crate) struct CallBuffers {
     pub(crate) spheres: Option<wgpu::Buffer>,
     species: Option<wgpu::Buffer>,
     has_species: bool,
-    /// `None` while a call reads it. The staging buffer of an abandoned call is not used again: wgpu 30 keeps the request
-    /// to map it, and would grant the next request when the abandoned call ends.
+    /// `None` while a call reads it. That of an abandoned call is not used again: wgpu 30 keeps the request to map it,
+    /// and would grant the next request when the abandoned call ends.
     staging: Option<wgpu::Buffer>,
     rows: Vec<Sphere>,
 }
@@ -63,7 +63,7 @@ impl CallBuffers {
         Ok(self.staging.insert(staging).clone())
     }
 
-    /// Gives the staging buffer away, until a finished call returns it.
+    /// A finished call returns the buffer.
     pub(crate) fn lend_staging(&mut self) {
         self.staging = None;
     }

@@ -2,13 +2,12 @@ use lazygrid_kernels::layout::Outcome;
 
 use crate::gpu::detector::LayoutSource;
 
-/// Calls that reuse cells before new statistics choose others: older cells suit the spheres less, which costs time. New
-/// statistics take about a tenth of a call.
+/// Calls that reuse cells before new statistics, about a tenth of a call, choose others: older cells suit the spheres
+/// less.
 const MAX_REUSES: u32 = 16;
 const MAX_PAUSE: u32 = 63;
 
-/// Decides which searches reuse an earlier call's cells. The device checks these, so the decision affects the time
-/// only.
+/// Decides which searches reuse an earlier call's cells. This affects the time only, as the device checks the cells.
 #[derive(Debug, Default)]
 pub(super) struct LayoutReuse {
     /// Remaining reuses.

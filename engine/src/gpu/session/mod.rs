@@ -92,7 +92,7 @@ impl GpuSession {
     /// See [`GpuDetector::new`]; also [`Error::DeviceLost`].
     pub fn new(gpu: GpuDevice, settings: GpuConfig) -> Result<Self, Error> {
         gpu.probe()?;
-        // The session hides the cell order, so pairs must hold input indices. It uploads rows.
+        // The session hides the cell order, and uploads rows.
         let settings = settings.pairs_in_cell_order(false).columns(None);
         let detector = GpuDetector::with_pipelines(&gpu.device, gpu.pipelines.clone(), settings)
             .map_err(|error| gpu.reason(error))?;
@@ -314,7 +314,7 @@ impl GpuSession {
     }
 
     /// Passes the pairs of a call to `consume` in parts by ascending smaller index, unordered within a part. The output
-    /// grows only if a single sphere has more pairs than its capacity.
+    /// grows only if a sphere has more pairs than its capacity.
     ///
     /// # Errors
     /// [`Error::ForeignTicket`], or an error of the device, which may be unable to hold the pairs of a single sphere.

@@ -11,8 +11,8 @@ use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot, GpuOutput};
 use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
-    /// Returns a coarser grid; after the coarsest, for coincident spheres, a single level at the `configured` cell
-    /// ratio.
+    /// Returns a coarser grid; after the coarsest a single level at the `configured` cell ratio, for coincident
+    /// spheres.
     fn with_fewer_entries(self, ran: Algorithm, configured: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
             let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);

@@ -74,7 +74,7 @@ impl GpuSession {
         Ok(self.io_memory(spheres) + self.detector.memory_for(spheres)? + candidates)
     }
 
-    /// Returns `true` if a rebuild may be long, whose parts are then submitted one by one.
+    /// Returns `true` if a rebuild may be long: its parts are then submitted one by one.
     pub(super) fn is_long_search(&self) -> bool {
         let tests =
             |skin: &SkinSession| skin.candidates.map(|count| count.saturating_mul(TESTS_PER_CANDIDATE));
@@ -98,7 +98,7 @@ impl GpuSession {
         self.candidate_list_stats
     }
 
-    /// Updates the statistics after a submission. A retried call rebuilt the list if one of its submissions did.
+    /// A retried call rebuilt the list if one of its submissions did.
     pub(super) fn record_state(&mut self, state: &SkinState) {
         let Some(skin) = &mut self.skin else { return };
         skin.candidates = Some(state.candidates.into());
