@@ -27,11 +27,11 @@ const STREAM_CHUNK: usize = 65_536;
 ///   radius ``d / 2`` finds all points within a distance ``d``.
 ///
 /// Arrays are float32 (faster) or float64 in native byte order, in one length unit; other types are a ``TypeError``. No
-/// number is rounded. Arrays whose strides are multiples of the item size, such as columns of a larger array, are read
-/// in place; others are copied. With both types in one set, float32 values are copied to float64.
+/// number is rounded. Arrays are read in place if their strides are multiples of the item size, as in columns of a
+/// larger array; others are copied. With both types in one set, float32 values are copied to float64.
 ///
-/// A call of 64 spheres or more releases the interpreter's lock, and any number of threads may use one detector at once.
-/// The arrays of a call must not change before it returns. Ctrl-C ends a long call on the CPU.
+/// A call of 64 spheres or more releases the interpreter's lock, and any threads may use one detector at once. Its
+/// arrays must not change before it returns. Ctrl-C ends a long call on the CPU.
 ///
 /// Parameters
 /// ----------
@@ -42,26 +42,25 @@ const STREAM_CHUNK: usize = 65_536;
 /// threads
 ///     The number of CPU threads; by default all.
 /// periodic
-///     The length of each periodic axis, in the unit of the spheres, as float64; ``None`` for an unbounded axis:
-///     ``(10.0, 10.0, None)``. Coordinates need not lie in the box. For a triclinic box, its cell vectors:
-///     ``((10.0, 0.0, 0.0), (4.0, 10.0, 0.0), None)``, or the cell of ASE if it is periodic along all vectors.
+///     The length of each periodic axis, as float64; ``None`` for an unbounded axis: ``(10.0, 10.0, None)``.
+///     Coordinates need not lie in the box. For a triclinic box, its cell vectors: ``((10.0, 0.0, 0.0), (4.0, 10.0,
+///     0.0), None)``, or the cell of ASE if it is periodic along all vectors.
 /// order
 ///     ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` omits the sort.
 /// interactions
 ///     The species that pair, and their distances; spheres then need species ids.
 /// max_pairs
-///     The maximum number of pairs in a list, by default 2**29 (4 GiB). More are an error with the exact number.
+///     The maximum number of pairs in a list, by default 2**29 (4 GiB).
 /// adapter
 ///     The GPU: its index, or a part of its name, as listed by ``python -m lazygrid devices``.
 /// skin
 ///     The skin of the candidate list kept between calls; no answer depends on it. ``"auto"`` keeps a list if spheres
-///     move so little that this is expected to save time; ``"off"`` never does. A number, float64, keeps the pairs
-///     with gaps up to this distance, until a sphere has moved by half of it; only with the algorithms ``"auto"`` and
-///     ``"cell-list"``.
+///     move so little that it should save time; ``"off"`` never does. A number keeps the pairs with gaps up to this
+///     distance, until a sphere has moved by half of it; only with the algorithms ``"auto"`` and ``"cell-list"``.
 /// timeout
-///     The time limit of each submission to the GPU in seconds, after which the call is an error; by default ten
-///     minutes. A call that is divided or repeated has several submissions. Searches on the CPU have no limit:
-///     ``backend="cpu"`` refuses one, and with ``backend="auto"`` it is unused if no GPU is found.
+///     The time limit of each submission to the GPU in seconds; by default ten minutes. A call that is divided or
+///     repeated has several submissions. Searches on the CPU have no limit: ``backend="cpu"`` refuses one, and with
+///     ``backend="auto"`` it is unused if no GPU is found.
 ///
 /// Raises
 /// ------
@@ -117,8 +116,7 @@ impl Detector {
 
     /// Return the overlapping pairs, each once, in the detector's order.
     ///
-    /// For one set, ``i < j``. For two sets, only pairs across them count: ``i`` is an index in the first, ``j`` in the
-    /// second.
+    /// For one set, ``i < j``. For two sets only pairs across them count, ``i`` in the first and ``j`` in the second.
     ///
     /// >>> detector.pairs(spheres)
     /// >>> detector.pairs(carriers, receivers, species=(of_carriers, None))
@@ -133,9 +131,9 @@ impl Detector {
     ///     With interactions: a species id per sphere, whole numbers of shape ``(n,)``; for two sets a tuple of two
     ///     arrays.
     /// groups
-    ///     A group per sphere, such as its molecule: spheres of one group never pair, unless it is
-    ///     ``lazygrid.NO_GROUP``. Whole numbers of shape ``(n,)``; for two sets a tuple of two arrays or ``None``, and
-    ///     equal numbers are one group.
+    ///     A group per sphere, such as its molecule, whole numbers of shape ``(n,)``: spheres of one group never pair,
+    ///     unless it is ``lazygrid.NO_GROUP``. For two sets a tuple of two arrays or ``None``; equal numbers are one
+    ///     group.
     /// exclusions
     ///     Pairs that are never reported, such as bonds; for two sets from :meth:`Exclusions.across`.
     /// out
@@ -149,8 +147,8 @@ impl Detector {
     /// Raises
     /// ------
     /// InputError
-    ///     For values that are not finite and negative radii, with ``index``, ``value`` and ``count``; for wrong shapes
-    ///     and unknown species. ``second`` is set for the second set.
+    ///     For values that are not finite and negative radii, with ``index``, ``value``, ``count`` and ``second``; for
+    ///     wrong shapes and unknown species.
     /// TypeError
     ///     For arrays that are neither float32 nor float64, and labels that are not whole numbers.
     /// TooManyPairs
@@ -185,7 +183,7 @@ impl Detector {
 
     /// Return neighbor lists: the neighbors of every sphere, ascending; each pair is in both lists.
     ///
-    /// For two sets, only the spheres of the first have a list, with indices in the second.
+    /// For two sets, spheres of the first list indices in the second.
     ///
     /// Parameters
     /// ----------
@@ -231,8 +229,8 @@ impl Detector {
 
     /// Return neighbors by quantity, with all periodic images within the cutoff, in a small box also a sphere's own.
     ///
-    /// Exclusions apply to all images. The order is by ``i``, then ``j``, then ``S``. A GPU searches pairs; their geometry
-    /// is computed in float64 in any case. :func:`lazygrid.neighbor_list` has the same quantities for atoms of ASE.
+    /// Exclusions apply to all images. The order is by ``i``, then ``j``, then ``S``. Geometry is computed in float64,
+    /// also for a GPU's pairs. :func:`lazygrid.neighbor_list` has the same quantities for atoms of ASE.
     ///
     /// >>> i, j, d = detector.neighbor_list("ijd", spheres)
     ///
@@ -245,13 +243,12 @@ impl Detector {
     /// spheres, second, species, groups, exclusions
     ///     See :meth:`pairs`.
     /// half
-    ///     If true, every pair is listed once, ``i < j``, and of two opposite images of a sphere the one whose first
-    ///     nonzero shift is positive; else also as ``(j, i)``. Without effect on two sets.
+    ///     If true, lists every pair once, ``i < j``, and of two opposite images of a sphere the one whose first nonzero
+    ///     shift is positive; else also ``(j, i)``. Without effect on two sets.
     /// open
-    ///     If true, only distances below the cutoff count, as in ASE; else spheres that touch are neighbors.
+    ///     If true, only distances below the cutoff count, as in ASE; else touching counts.
     /// with_self
-    ///     If true, every sphere of one set is its own neighbor at distance zero. Without effect on two
-    ///     sets.
+    ///     If true, every sphere is its own neighbor at distance zero. Without effect on two sets.
     ///
     /// Returns
     /// -------
@@ -328,10 +325,10 @@ impl Detector {
 
     /// Iterate over the pairs in arrays of at most ``chunk`` pairs.
     ///
-    /// The spheres are copied first, so you may move them meanwhile and call the detector: a stream has threads of its
-    /// own. In canonical order the detector holds up to ``max_pairs`` pairs, and searches again for every further
+    /// The spheres are copied, and a stream has threads of its own, so you may move the spheres and call the detector
+    /// meanwhile. In canonical order the detector holds up to ``max_pairs`` pairs, and searches again for every further
     /// ``max_pairs``; if that would be more than 16 searches, it holds more, up to a quarter of the number of spheres.
-    /// Unordered chunks arrive as they are found, with at most four in memory.
+    /// Unordered chunks arrive as they are found, at most four in memory.
     ///
     /// >>> detector = lazygrid.Detector(order="unordered")
     /// >>> for pairs in detector.stream(spheres, chunk=1_000_000):
@@ -370,7 +367,7 @@ impl Detector {
         Chunks::start(spheres.py(), lease, &borrowed, chunk)
     }
 
-    /// Return an estimate of the bytes that the detector holds for this number of spheres, without the result.
+    /// Estimate the bytes that the detector holds for this number of spheres, without the result.
     fn memory_for(&self, spheres: &Bound<'_, PyAny>) -> PyResult<u64> {
         let spheres = settings::whole(spheres, "spheres", "choose a number from 0 to 2^32 - 2")?;
         Ok(self.pool.lease()?.memory_for(spheres))

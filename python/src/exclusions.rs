@@ -7,10 +7,10 @@ use crate::{arrays, error};
 
 /// Pairs that a search never reports, such as bonds.
 ///
-/// Pass them to a search, ``detector.pairs(spheres, exclusions=bonds)``. They are for one number of spheres. To exclude
-/// whole molecules, ``groups`` cost less.
+/// They are for one number of spheres. To exclude whole molecules, ``groups`` cost less.
 ///
 /// >>> bonds = lazygrid.Exclusions(len(spheres), [(0, 1), (1, 2)])
+/// >>> detector.pairs(spheres, exclusions=bonds)
 ///
 /// Parameters
 /// ----------

@@ -43,11 +43,11 @@ class Detector:
       radius ``d / 2`` finds all points within a distance ``d``.
 
     Arrays are float32 (faster) or float64 in native byte order, in one length unit; other types are a ``TypeError``. No
-    number is rounded. Arrays whose strides are multiples of the item size, such as columns of a larger array, are read
-    in place; others are copied. With both types in one set, float32 values are copied to float64.
+    number is rounded. Arrays are read in place if their strides are multiples of the item size, as in columns of a
+    larger array; others are copied. With both types in one set, float32 values are copied to float64.
 
-    A call of 64 spheres or more releases the interpreter's lock, and any number of threads may use one detector at once.
-    The arrays of a call must not change before it returns. Ctrl-C ends a long call on the CPU.
+    A call of 64 spheres or more releases the interpreter's lock, and any threads may use one detector at once. Its
+    arrays must not change before it returns. Ctrl-C ends a long call on the CPU.
 
     Parameters
     ----------
@@ -58,26 +58,25 @@ class Detector:
     threads
         The number of CPU threads; by default all.
     periodic
-        The length of each periodic axis, in the unit of the spheres, as float64; ``None`` for an unbounded axis:
-        ``(10.0, 10.0, None)``. Coordinates need not lie in the box. For a triclinic box, its cell vectors:
-        ``((10.0, 0.0, 0.0), (4.0, 10.0, 0.0), None)``, or the cell of ASE if it is periodic along all vectors.
+        The length of each periodic axis, as float64; ``None`` for an unbounded axis: ``(10.0, 10.0, None)``.
+        Coordinates need not lie in the box. For a triclinic box, its cell vectors: ``((10.0, 0.0, 0.0), (4.0, 10.0,
+        0.0), None)``, or the cell of ASE if it is periodic along all vectors.
     order
         ``"canonical"``: by ``i``, then ``j``. ``"unordered"`` omits the sort.
     interactions
         The species that pair, and their distances; spheres then need species ids.
     max_pairs
-        The maximum number of pairs in a list, by default 2**29 (4 GiB). More are an error with the exact number.
+        The maximum number of pairs in a list, by default 2**29 (4 GiB).
     adapter
         The GPU: its index, or a part of its name, as listed by ``python -m lazygrid devices``.
     skin
         The skin of the candidate list kept between calls; no answer depends on it. ``"auto"`` keeps a list if spheres
-        move so little that this is expected to save time; ``"off"`` never does. A number, float64, keeps the pairs
-        with gaps up to this distance, until a sphere has moved by half of it; only with the algorithms ``"auto"`` and
-        ``"cell-list"``.
+        move so little that it should save time; ``"off"`` never does. A number keeps the pairs with gaps up to this
+        distance, until a sphere has moved by half of it; only with the algorithms ``"auto"`` and ``"cell-list"``.
     timeout
-        The time limit of each submission to the GPU in seconds, after which the call is an error; by default ten
-        minutes. A call that is divided or repeated has several submissions. Searches on the CPU have no limit:
-        ``backend="cpu"`` refuses one, and with ``backend="auto"`` it is unused if no GPU is found.
+        The time limit of each submission to the GPU in seconds; by default ten minutes. A call that is divided or
+        repeated has several submissions. Searches on the CPU have no limit: ``backend="cpu"`` refuses one, and with
+        ``backend="auto"`` it is unused if no GPU is found.
 
     Raises
     ------
@@ -115,8 +114,7 @@ class Detector:
     ) -> npt.NDArray[np.uint32]:
         """Return the overlapping pairs, each once, in the detector's order.
 
-        For one set, ``i < j``. For two sets, only pairs across them count: ``i`` is an index in the first, ``j`` in the
-        second.
+        For one set, ``i < j``. For two sets only pairs across them count, ``i`` in the first and ``j`` in the second.
 
         >>> detector.pairs(spheres)
         >>> detector.pairs(carriers, receivers, species=(of_carriers, None))
@@ -131,9 +129,9 @@ class Detector:
             With interactions: a species id per sphere, whole numbers of shape ``(n,)``; for two sets a tuple of two
             arrays.
         groups
-            A group per sphere, such as its molecule: spheres of one group never pair, unless it is
-            ``lazygrid.NO_GROUP``. Whole numbers of shape ``(n,)``; for two sets a tuple of two arrays or ``None``, and
-            equal numbers are one group.
+            A group per sphere, such as its molecule, whole numbers of shape ``(n,)``: spheres of one group never pair,
+            unless it is ``lazygrid.NO_GROUP``. For two sets a tuple of two arrays or ``None``; equal numbers are one
+            group.
         exclusions
             Pairs that are never reported, such as bonds; for two sets from :meth:`Exclusions.across`.
         out
@@ -147,8 +145,8 @@ class Detector:
         Raises
         ------
         InputError
-            For values that are not finite and negative radii, with ``index``, ``value`` and ``count``; for wrong shapes
-            and unknown species. ``second`` is set for the second set.
+            For values that are not finite and negative radii, with ``index``, ``value``, ``count`` and ``second``; for
+            wrong shapes and unknown species.
         TypeError
             For arrays that are neither float32 nor float64, and labels that are not whole numbers.
         TooManyPairs
@@ -170,7 +168,7 @@ class Detector:
     ) -> tuple[npt.NDArray[np.uint64], npt.NDArray[np.uint32]]:
         """Return neighbor lists: the neighbors of every sphere, ascending; each pair is in both lists.
 
-        For two sets, only the spheres of the first have a list, with indices in the second.
+        For two sets, spheres of the first list indices in the second.
 
         Parameters
         ----------
@@ -205,8 +203,8 @@ class Detector:
     ) -> Any:
         """Return neighbors by quantity, with all periodic images within the cutoff, in a small box also a sphere's own.
 
-        Exclusions apply to all images. The order is by ``i``, then ``j``, then ``S``. A GPU searches pairs; their geometry
-        is computed in float64 in any case. :func:`lazygrid.neighbor_list` has the same quantities for atoms of ASE.
+        Exclusions apply to all images. The order is by ``i``, then ``j``, then ``S``. Geometry is computed in float64,
+        also for a GPU's pairs. :func:`lazygrid.neighbor_list` has the same quantities for atoms of ASE.
 
         >>> i, j, d = detector.neighbor_list("ijd", spheres)
 
@@ -219,13 +217,12 @@ class Detector:
         spheres, second, species, groups, exclusions
             See :meth:`pairs`.
         half
-            If true, every pair is listed once, ``i < j``, and of two opposite images of a sphere the one whose first
-            nonzero shift is positive; else also as ``(j, i)``. Without effect on two sets.
+            If true, lists every pair once, ``i < j``, and of two opposite images of a sphere the one whose first nonzero
+            shift is positive; else also ``(j, i)``. Without effect on two sets.
         open
-            If true, only distances below the cutoff count, as in ASE; else spheres that touch are neighbors.
+            If true, only distances below the cutoff count, as in ASE; else touching counts.
         with_self
-            If true, every sphere of one set is its own neighbor at distance zero. Without effect on two
-            sets.
+            If true, every sphere is its own neighbor at distance zero. Without effect on two sets.
 
         Returns
         -------
@@ -274,10 +271,10 @@ class Detector:
     ) -> Chunks:
         """Iterate over the pairs in arrays of at most ``chunk`` pairs.
 
-        The spheres are copied first, so you may move them meanwhile and call the detector: a stream has threads of its
-        own. In canonical order the detector holds up to ``max_pairs`` pairs, and searches again for every further
+        The spheres are copied, and a stream has threads of its own, so you may move the spheres and call the detector
+        meanwhile. In canonical order the detector holds up to ``max_pairs`` pairs, and searches again for every further
         ``max_pairs``; if that would be more than 16 searches, it holds more, up to a quarter of the number of spheres.
-        Unordered chunks arrive as they are found, with at most four in memory.
+        Unordered chunks arrive as they are found, at most four in memory.
 
         >>> detector = lazygrid.Detector(order="unordered")
         >>> for pairs in detector.stream(spheres, chunk=1_000_000):
@@ -297,7 +294,7 @@ class Detector:
         """
 
     def memory_for(self, spheres: int) -> int:
-        """Return an estimate of the bytes that the detector holds for this number of spheres, without the result."""
+        """Estimate the bytes that the detector holds for this number of spheres, without the result."""
 
     @property
     def report(self) -> Report:
@@ -325,10 +322,10 @@ class Chunks:
 class Exclusions:
     """Pairs that a search never reports, such as bonds.
 
-    Pass them to a search, ``detector.pairs(spheres, exclusions=bonds)``. They are for one number of spheres. To exclude
-    whole molecules, ``groups`` cost less.
+    They are for one number of spheres. To exclude whole molecules, ``groups`` cost less.
 
     >>> bonds = lazygrid.Exclusions(len(spheres), [(0, 1), (1, 2)])
+    >>> detector.pairs(spheres, exclusions=bonds)
 
     Parameters
     ----------
@@ -416,14 +413,14 @@ class Interactions:
 class Frames:
     """An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
 
-    Numbers are rounded to float32, and the first that loses digits is a ``UserWarning``, unless ``dtype`` is float64. A
-    species of ``radii`` that no sphere has is a ``UserWarning`` at the end. If a filter turns a warning into an
-    exception, the next ``next`` returns the frame. Ctrl-C ends the iteration.
+    Unless ``dtype`` is float64, numbers are rounded to float32, and the first that loses digits is a ``UserWarning``,
+    like a species of ``radii`` that no sphere has, at the end. If a filter turns a warning into an exception, the next
+    ``next`` returns the frame. Ctrl-C ends the iteration.
 
     Raises
     ------
     FileError
-        For a file that does not follow its format, with line or row and text.
+        For a file that does not follow its format.
     SettingError
         For an unknown format, another ``dtype`` than float32 and float64, and for radii that are negative or not finite.
     OSError
@@ -543,7 +540,7 @@ def simulate(source: Any, options: dict[str, Any]) -> tuple[dict[str, Any], list
     """Return the results of a run, and warnings. See :func:`lazygrid.simulate`."""
 
 def command(arguments: list[str], *, closed: bool = False) -> int:
-    """Run the command line, whose first argument is the program's name, and return the exit code.
+    """Run the command line, from the program's name on, and return the exit code.
 
     ``closed`` tells that the program began without standard output, so that writing to it fails.
     """
