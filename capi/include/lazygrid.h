@@ -19,7 +19,7 @@
  * sphere of radius 0 is a point. Searches omit pairs within a group and excluded pairs.
  *
  * A QUERY is one set of spheres, for the pairs among them, or two sets, for pairs of one sphere of each; and optional
- * exclusions. All searches and all algorithms support both.
+ * exclusions.
  *
  * ERRORS. Functions that can fail return a lazygrid_status; LAZYGRID_OK is 0. lazygrid_last_error returns a message
  * with the value, the limit and the remedy. No result is truncated, and no exception unwinds into the caller. The
@@ -30,13 +30,13 @@
  * and live until its next search, even if that fails, or until it is destroyed. The caller must not write to them, nor
  * pass them to the same detector as an input.
  *
- * THREADS. Any thread may use any detector, one at a time. If a second thread, or a detector's own callback, uses a
- * busy detector, that call returns LAZYGRID_ERROR_BUSY and does not disturb the first. Searches use one thread pool of
- * the process, unless `threads` is set. A forked child must not use the library if the parent has used it.
+ * THREADS. Any thread may use any detector, one at a time. A second thread, or a detector's own callback, gets
+ * LAZYGRID_ERROR_BUSY and does not disturb the first call. Searches use one thread pool of the process, unless
+ * `threads` is set. A forked child must not use the library if the parent has used it.
  *
  * NEWER VERSIONS. lazygrid_settings, lazygrid_spheres and lazygrid_query begin with their own size. Later versions
- * append fields, and 0 always means the default, so programs compiled with an older header keep working. All bytes of
- * such a structure, up to its size, must be initialized. Other structures do not change while the SONAME is the same.
+ * append fields, of which 0 is the default, so programs compiled with an older header keep working. All bytes of such a
+ * structure, up to its size, must be initialized. Other structures do not change while the SONAME is the same.
  */
 #ifndef LAZYGRID_H
 #define LAZYGRID_H
@@ -137,10 +137,7 @@ typedef struct lazygrid_exclusions lazygrid_exclusions;
 /* The group number of spheres without a group. */
 #define LAZYGRID_NO_GROUP 4294967295u
 
-/*
- * Two overlapping spheres by input index; i < j. For two sets, `i` is an index in the first and `j` in the second, and
- * either may be larger.
- */
+/* Two overlapping spheres by input index; i < j. For two sets, `i` is an index in the first and `j` in the second. */
 typedef struct lazygrid_pair {
     uint32_t i;
     uint32_t j;
@@ -175,12 +172,12 @@ enum {
 
 /*
  * A set of spheres, read in place: rows, columns, points with one radius, arrays of structures, `x[0]` of a `double
- * **`. Create it by lazygrid_rows or a similar function below, then set `species` and `groups` if needed.
+ * **`. Create it by a function such as lazygrid_rows, then set `species` and `groups` if needed.
  *
  * Value k of x is at `x` plus k * `step` bytes, as for y and z, and for r with `r_step`. Both steps are multiples of
  * the size of a number. `step` must not be 0 for two or more spheres; `r_step` 0 gives all spheres the radius at `r`.
- * Pointers are aligned like numbers. From its first to its last value, the memory at each pointer is part of one array
- * and does not change during a call. Gaps may hold any bytes. With count 0 no pointer is read.
+ * Pointers are aligned like numbers. From its first to its last value, the memory at each pointer is part of one array,
+ * whose gaps may hold any bytes. With count 0 no pointer is read.
  *
  * `species` has `count` ids below the number of species of the detector's table; without a table it may be NULL.
  * `groups` has `count` numbers, or is NULL: two spheres of one group, such as a molecule or a rigid body, never pair,
@@ -267,9 +264,9 @@ static inline lazygrid_query lazygrid_among(const lazygrid_spheres *spheres) {
 }
 
 /*
- * A query for the pairs of one sphere of `first` and one of `second`, such as particles and receivers, or own spheres
- * and ghosts. It keeps both pointers. If the detector has a table, both sets need species. Both may be the same
- * spheres; each then pairs with itself. A message about `second` begins with "in the second set, ".
+ * A query for the pairs of one sphere of `first` and one of `second`, such as particles and receivers, whose pointers
+ * it keeps. Both may be the same spheres; each then pairs with itself. A message about `second` begins with "in the
+ * second set, ".
  */
 static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, const lazygrid_spheres *second) {
     lazygrid_query query = {sizeof(lazygrid_query), first, second, NULL};
@@ -278,9 +275,9 @@ static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, cons
 
 /*
  * Receives `count` pairs of a stream, which live until it returns. Returns 0 to continue; any other value ends the
- * search. The library may call it from another thread, but never concurrently. It must return: no exception and no
- * longjmp may leave it. It must not search with any detector, nor wait for another thread's search, because searches
- * need threads that wait for the callback; a search in the same thread returns LAZYGRID_ERROR_BUSY.
+ * search. The library may call it from another thread, but never concurrently. No exception and no longjmp may leave
+ * it. It must not search with any detector, nor wait for another thread's search, because searches need threads that
+ * wait for the callback; a search in the same thread returns LAZYGRID_ERROR_BUSY.
  */
 typedef int32_t (*lazygrid_pair_callback)(void *context, const lazygrid_pair *pairs, size_t count);
 
@@ -318,7 +315,7 @@ LAZYGRID_API void lazygrid_interactions_destroy(lazygrid_interactions *interacti
 /*
  * Creates exclusions from `count` pairs of `spheres` spheres, in either order and possibly repeated; a pair of a sphere
  * with itself has no effect. Exclusions never change, so any threads may share them; they must outlive the queries that
- * name them. They serve all calls with this number of spheres.
+ * name them.
  */
 LAZYGRID_API lazygrid_status lazygrid_exclusions_create(size_t spheres, const lazygrid_pair *pairs, size_t count,
                                                         lazygrid_exclusions **exclusions);
@@ -343,7 +340,7 @@ LAZYGRID_API lazygrid_status lazygrid_create(const lazygrid_settings *settings, 
 
 /*
  * Frees a detector and the arrays that it returned. Ignores NULL. While a search runs, it returns LAZYGRID_ERROR_BUSY
- * and frees nothing; but no other thread may begin a search at the same moment.
+ * and frees nothing; but no thread may begin a search at the same moment.
  */
 LAZYGRID_API lazygrid_status lazygrid_destroy(lazygrid_detector *detector);
 
@@ -356,17 +353,17 @@ LAZYGRID_API lazygrid_status lazygrid_count(lazygrid_detector *detector, const l
 
 /*
  * Finds the pairs as neighbor lists in compressed sparse rows: the neighbors of sphere k are `indices[offsets[k]]` to
- * `indices[offsets[k + 1] - 1]`, ascending. For one set each pair is in both lists. For two sets each sphere of the
- * first lists its neighbors in the second. `*offsets` has one more value than there are lists; the last is the length
- * of `*indices`. With LAZYGRID_ERROR_TOO_MANY_PAIRS, `**offsets` is the exact number of pairs.
+ * `indices[offsets[k + 1] - 1]`, ascending. For one set each pair is in both lists; for two sets the spheres of the
+ * first list neighbors in the second. `*offsets` has one more value than there are lists; the last is the length of
+ * `*indices`. With LAZYGRID_ERROR_TOO_MANY_PAIRS, `**offsets` is the exact number of pairs.
  */
 LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, const lazygrid_query *query,
                                                 const uint64_t **offsets, const uint32_t **indices);
 
 /*
- * Passes the pairs to `consume` in chunks of at most `chunk`, 1 or more, and writes the number of delivered pairs.
- * Memory stays bounded. In canonical order each `max_pairs` pairs take another search; if that would be more than 16
- * searches, parts are larger, up to a quarter of the number of spheres. `context` is passed on unchanged.
+ * Passes the pairs to `consume` with `context` in chunks of at most `chunk`, 1 or more, in bounded memory, and writes
+ * the number of delivered pairs. In canonical order each `max_pairs` pairs take another search; if that would be more
+ * than 16 searches, parts are larger, up to a quarter of the number of spheres.
  */
 LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_query *query, size_t chunk,
                                              lazygrid_pair_callback consume, void *context, uint64_t *delivered);
@@ -395,9 +392,9 @@ typedef struct lazygrid_list {
 } lazygrid_list;
 
 /*
- * Finds the neighbor list with all periodic images within the cutoff, also in a box smaller than the cutoff, where a
- * sphere may neighbor its own images. Computes in double precision and sorts by i, j and the shift. Exclusions and
- * groups apply to all images. With LAZYGRID_ERROR_TOO_MANY_PAIRS, `list->length` is the exact number of pairs.
+ * Finds the neighbor list with all periodic images within the cutoff, in a smaller box also a sphere's own. Computes in
+ * double precision and sorts by i, j and the shift. Exclusions and groups apply to all images. With
+ * LAZYGRID_ERROR_TOO_MANY_PAIRS, `list->length` is the exact number of pairs.
  */
 LAZYGRID_API lazygrid_status lazygrid_neighbor_list(lazygrid_detector *detector, const lazygrid_query *query,
                                                     uint32_t options, lazygrid_list *list);

@@ -4,8 +4,8 @@
 //     std::vector<lazygrid::Sphere> spheres = {{0, 0, 0, 1}, {1.5f, 0, 0, 1}};
 //     for (const lazygrid::Pair &pair : detector.pairs(spheres)) collide(pair.i, pair.j);
 //
-// The rules of lazygrid.h for pairs, lifetimes and threads apply: a view lives until the next search with its detector,
-// and one thread at a time may use a detector. Every failure throws lazygrid::Error.
+// The rules of lazygrid.h apply: a view lives until the next search with its detector, and one thread at a time may use
+// a detector. Every failure throws lazygrid::Error.
 #ifndef LAZYGRID_HPP
 #define LAZYGRID_HPP
 
@@ -94,8 +94,7 @@ private:
     std::size_t size_ = 0;
 };
 
-// The neighbors of each sphere, ascending. For one set each pair is in both lists, for two sets in the list of its
-// first sphere.
+// The neighbors of each sphere, ascending. For one set each pair is in both lists, for two sets in the first sphere's.
 struct Neighbors {
     // The start of each list, and the end of the last one.
     View<std::uint64_t> offsets;
@@ -240,8 +239,7 @@ public:
     }
     template <class T> static Spheres points(const T *centers, std::size_t count, const T &&radius) = delete;
     // Numbers at regular distances: `step` bytes from one center to the next, `r_step` from one radius to the next, 0
-    // for one radius. For members of an array of structures: strided(&p->x, &p->y, &p->z, sizeof *p, &p->r, sizeof *p,
-    // count).
+    // for one radius; such as strided(&p->x, &p->y, &p->z, sizeof *p, &p->r, sizeof *p, count).
     template <class T>
     static Spheres strided(const T *x, const T *y, const T *z, std::size_t step, const T *r, std::size_t r_step,
                            std::size_t count) {
@@ -475,8 +473,7 @@ public:
         return {{offsets, count + 1}, {indices, static_cast<std::size_t>(offsets[count])}};
     }
 
-    // The neighbor list with all periodic images within the cutoff, in double precision. Throws TooManyPairs as pairs()
-    // does.
+    // The neighbor list with all periodic images within the cutoff. Throws TooManyPairs as pairs() does.
     NeighborList neighbor_list(const Query &of, const ListOptions &options = {}) {
         const lazygrid_query query = of.get();
         lazygrid_list list;
@@ -491,8 +488,8 @@ public:
     }
 
     // Passes the pairs to `consume` as View<Pair> of at most `chunk`, and returns the number of delivered pairs.
-    // `consume` returns nothing, or false to end the search. An exception of `consume` ends the search and is rethrown.
-    // `consume` may run in any thread, never concurrently, and must not search.
+    // `consume` returns nothing, or false to end the search. Its exception ends the search and is rethrown. It may run
+    // in any thread, never concurrently, and must not search.
     template <class F> std::uint64_t stream(const Query &of, std::size_t chunk, F &&consume) {
         const lazygrid_query query = of.get();
         Consuming<std::remove_reference_t<F>> consumer{consume, nullptr};

@@ -23,17 +23,15 @@ import java.util.concurrent.atomic.AtomicBoolean;
  * }
  * }</pre>
  *
- * <p>Searches take a {@link Query}: one set of spheres or two, with or without exclusions; or simply one set of
- * spheres.
+ * <p>Searches take one set of spheres, or a {@link Query}: one set or two, with or without exclusions.
  *
  * <p>Result buffers are in the detector's memory. Do not use them after the next search or after {@link #close}: reads
  * then return arbitrary values or crash the process. {@link #pairsAsArray} returns a copy.
  *
- * <p>Any thread may call, one at a time: a second thread, and a consumer that calls back, get {@link Status#BUSY}. A
- * detector keeps its memory until it is closed.
+ * <p>Any thread may call, one at a time: a second thread, and a consumer that calls back, get {@link Status#BUSY}.
  */
 public final class Detector implements AutoCloseable {
-    /** The offset of results in {@link #callBuffer}: two addresses or numbers, or a {@code lazygrid_list}. */
+    /** The offset of results in {@link #callBuffer}: two numbers, or a {@code lazygrid_list}. */
     private static final int OUT = Query.SIZE;
 
     /** The query of a search, and its results. Allocated once, because a step must not allocate memory. */
@@ -202,9 +200,8 @@ public final class Detector implements AutoCloseable {
     }
 
     /**
-     * Returns the neighbor list with all periodic images within the cutoff, in double precision, also in a box smaller
-     * than the cutoff, where a sphere may neighbor its own images. Exclusions and groups apply to all images. Valid
-     * until the next search.
+     * Returns the neighbor list with all periodic images within the cutoff, in a smaller box also a sphere's own, in
+     * double precision. Exclusions and groups apply to all images. Valid until the next search.
      *
      * @param query the spheres
      * @param options the contents; an empty set: the pairs of a full list
@@ -256,11 +253,11 @@ public final class Detector implements AutoCloseable {
      * @throws IllegalArgumentException for a chunk of less than 1 pair
      */
     public long stream(Query query, int chunk, PairConsumer consumer) {
-        // The library reads the number as unsigned, so a negative value would become a very large one.
+        // The library reads an unsigned number.
         if (chunk < 1) throw new IllegalArgumentException("a chunk of " + chunk + " pairs is less than 1");
         enter(query);
         try {
-            // A thread of the library writes it; it is read after all have ended.
+            // Threads of the library write it; it is read after they have ended.
             Throwable[] thrown = new Throwable[1];
             int status = NativeApi.stream(detector, queryAddress, chunk, (pairs, count) -> {
                 try {
@@ -318,7 +315,7 @@ public final class Detector implements AutoCloseable {
      * @throws IllegalArgumentException for a negative number of spheres
      */
     public long memoryFor(long spheres) {
-        // The library reads the number as unsigned, so a negative value would become a very large one.
+        // The library reads an unsigned number.
         if (spheres < 0) throw new IllegalArgumentException(spheres + " spheres are less than 0");
         enter();
         try {

@@ -8,8 +8,7 @@ import java.nio.LongBuffer;
  * A neighbor list with geometry, in order of i, j and the shift. Sphere k has the entries {@code offsets.get(k)} to
  * {@code offsets.get(k + 1) - 1}. Buffers of unrequested quantities are empty.
  *
- * <p>All buffers are read-only, in the detector's memory. Do not use them after the next search, nor after it is
- * closed.
+ * <p>All buffers are read-only, in the detector's memory: do not use them after its next search or its end.
  *
  * @param offsets the start of each sphere's entries; the last is the number of entries
  * @param pairs i and j of each entry: the sphere and its neighbor. In a full list i may be larger

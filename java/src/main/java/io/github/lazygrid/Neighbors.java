@@ -8,7 +8,7 @@ import java.nio.LongBuffer;
  * offsets.get(k + 1) - 1}, ascending. Every pair is in both lists; across two sets, spheres of the first list neighbors
  * in the second.
  *
- * <p>Both buffers are in the detector's memory. Do not use them after the next search, nor after it is closed.
+ * <p>Both buffers are in the detector's memory: do not use them after its next search or its end.
  *
  * @param offsets the start of each sphere's list; the last is the number of indices
  * @param indices the neighbors, list after list

@@ -6,7 +6,7 @@ import java.util.Objects;
 
 /**
  * The input of a search: the pairs among one set of spheres, or across two sets, except excluded ones. Queries are
- * immutable, hold no memory outside the heap, and serve any number of searches.
+ * immutable and serve any number of searches.
  */
 public final class Query {
     /** Size of {@code lazygrid_query} on 64-bit machines. */

@@ -12,9 +12,8 @@ import java.util.ArrayList;
 import java.util.List;
 
 /**
- * Spheres in direct buffers of the caller, in single or double precision, which each search reads. No number is
- * rounded. They serve every step of a simulation that writes to these buffers. The values between position and limit at
- * construction count.
+ * Spheres in direct buffers of the caller, in single or double precision, which each search reads and a simulation may
+ * write between searches. No number is rounded. The values between position and limit at construction count.
  *
  * <p>Lengths have one unit, the caller's. A radius of 0 is a point. Searches read rows and columns of floats in place
  * and copy other layouts.
