@@ -122,8 +122,7 @@ impl Recording {
     }
 
     pub(crate) fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
-        let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid"), timestamp_writes: None };
-        let mut pass = encoder.begin_compute_pass(&descriptor);
+        let mut pass = begin_pass(encoder, "lazygrid", None);
         self.dispatches.iter().for_each(|dispatch| dispatch.record(&mut pass));
     }
 
@@ -149,9 +148,7 @@ impl Recording {
         part: u32,
         counts: &wgpu::Buffer,
     ) {
-        let descriptor =
-            wgpu::ComputePassDescriptor { label: Some("lazygrid indirect"), timestamp_writes: None };
-        let mut pass = encoder.begin_compute_pass(&descriptor);
+        let mut pass = begin_pass(encoder, "lazygrid indirect", None);
         let range = self.range_of_part(part);
         for (offset, dispatch) in (12 * range.start as u64..).step_by(12).zip(&self.dispatches[range]) {
             dispatch.bind(&mut pass);
@@ -170,9 +167,7 @@ impl Recording {
         if let Some((buffer, bytes)) = &self.cleared {
             encoder.clear_buffer(buffer, 0, Some(*bytes));
         }
-        let descriptor =
-            wgpu::ComputePassDescriptor { label: Some("lazygrid stamped"), timestamp_writes: None };
-        let mut pass = encoder.begin_compute_pass(&descriptor);
+        let mut pass = begin_pass(encoder, "lazygrid stamped", None);
         for (index, dispatch) in (0..).zip(&self.dispatches) {
             pass.write_timestamp(queries, index);
             dispatch.record(&mut pass);
@@ -185,11 +180,8 @@ impl Recording {
         encoder: &mut wgpu::CommandEncoder,
         queries: Option<&wgpu::QuerySet>,
     ) {
-        let descriptor = wgpu::ComputePassDescriptor {
-            label: Some("lazygrid continuation"),
-            timestamp_writes: queries.and_then(|queries| ends_of(GpuPhase::Search, queries, [true; 2])),
-        };
-        let mut pass = encoder.begin_compute_pass(&descriptor);
+        let timestamps = queries.and_then(|queries| ends_of(GpuPhase::Search, queries, [true; 2]));
+        let mut pass = begin_pass(encoder, "lazygrid continuation", timestamps);
         self.dispatches[self.continuation_start..].iter().for_each(|dispatch| dispatch.record(&mut pass));
     }
 
@@ -216,8 +208,7 @@ impl Recording {
             encoder.clear_buffer(buffer, 0, Some(*bytes));
         }
         let Some(queries) = queries else {
-            let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid"), timestamp_writes: None };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let mut pass = begin_pass(encoder, "lazygrid", None);
             dispatches.iter().for_each(|dispatch| dispatch.record(&mut pass));
             return;
         };
@@ -228,9 +219,7 @@ impl Recording {
         };
         let of_phase = |phase| dispatches.iter().filter(move |dispatch| dispatch.phase == phase);
         if self.stamps_inside_passes {
-            let descriptor =
-                wgpu::ComputePassDescriptor { label: Some("lazygrid timed"), timestamp_writes: None };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let mut pass = begin_pass(encoder, "lazygrid timed", None);
             for &phase in GpuPhase::ALL {
                 let [begins, ends] = ends_in_part(phase);
                 if begins {
@@ -247,14 +236,18 @@ impl Recording {
             if part > 0 && of_phase(phase).next().is_none() {
                 continue;
             }
-            let descriptor = wgpu::ComputePassDescriptor {
-                label: Some(phase.name()),
-                timestamp_writes: ends_of(phase, queries, ends_in_part(phase)),
-            };
-            let mut pass = encoder.begin_compute_pass(&descriptor);
+            let mut pass = begin_pass(encoder, phase.name(), ends_of(phase, queries, ends_in_part(phase)));
             of_phase(phase).for_each(|dispatch| dispatch.record(&mut pass));
         }
     }
+}
+
+fn begin_pass<'a>(
+    encoder: &'a mut wgpu::CommandEncoder,
+    label: &str,
+    timestamp_writes: Option<wgpu::ComputePassTimestampWrites<'_>>,
+) -> wgpu::ComputePass<'a> {
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some(label), timestamp_writes })
 }
 
 fn ends_of(
