@@ -12,6 +12,8 @@ pub(crate) mod device;
 mod encode;
 pub mod plan;
 pub(crate) mod session;
+#[cfg(test)]
+pub(crate) mod test_support;
 
 pub use calibration::{CrossoverSample, calibrate};
 pub use config::GpuConfig;

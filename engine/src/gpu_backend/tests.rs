@@ -6,6 +6,7 @@ use lazygrid_kernels::{Algorithm, Interaction, Pair, Sphere, Spheres};
 use super::*;
 use crate::Detector;
 use crate::gpu::device::device_or_skip;
+use crate::gpu::test_support::Random;
 use crate::gpu::wgpu;
 
 fn made(gpu: GpuDevice, config: Config) -> PairFinder<GpuBackend> {
@@ -27,12 +28,8 @@ fn with_small_bindings(gpu: &GpuDevice) -> GpuDevice {
 fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
     let Some(gpu) = device_or_skip() else { return };
     let gpu = with_small_bindings(&gpu);
-    let mut word = 7_u32;
-    let mut unit = || {
-        word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (word >> 8) as f32 / (1 << 24) as f32
-    };
-    let mut coordinate = || (unit() * 16384.0).floor() / 128.0;
+    let mut random = Random(7);
+    let mut coordinate = || (random.unit() * 16384.0).floor() / 128.0;
     let mut spheres: Vec<_> =
         (0..75_000).map(|_| Sphere::new([coordinate(), coordinate(), coordinate()], 0.5)).collect();
     spheres[99] = Sphere::new([64.0; 3], 8.0);
@@ -155,12 +152,8 @@ fn report_with_an_empty_set_describes_its_own_call() {
 #[test]
 fn automatic_skin_never_changes_a_result() {
     let Some(gpu) = device_or_skip() else { return };
-    let mut word = 11_u32;
-    let mut unit = || {
-        word = word.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        (word >> 8) as f32 / (1 << 24) as f32
-    };
-    let mut coordinate = |scale: f32| (unit() * scale * 4096.0).floor() / 4096.0;
+    let mut random = Random(11);
+    let mut coordinate = |scale: f32| (random.unit() * scale * 4096.0).floor() / 4096.0;
     let mut spheres: Vec<_> = (0..10_000)
         .map(|_| Sphere::new([coordinate(32.0), coordinate(32.0), coordinate(32.0)], 0.5))
         .collect();

@@ -9,6 +9,7 @@ use super::*;
 use crate::gpu::Outcome;
 use crate::gpu::device::device_or_skip;
 use crate::gpu::plan::BufferId;
+use crate::gpu::test_support::{Random, download};
 use crate::gpu::{GpuDevice, GpuPhase};
 
 fn upload<T: Pod>(gpu: &GpuDevice, data: &[T]) -> wgpu::Buffer {
@@ -18,23 +19,6 @@ fn upload<T: Pod>(gpu: &GpuDevice, data: &[T]) -> wgpu::Buffer {
     let buffer = gpu.device.create_buffer(&descriptor);
     gpu.queue.write_buffer(&buffer, 0, bytemuck::cast_slice(data));
     buffer
-}
-
-fn download<T: Pod>(
-    gpu: &GpuDevice,
-    mut encoder: wgpu::CommandEncoder,
-    buffer: &wgpu::Buffer,
-    count: usize,
-) -> Vec<T> {
-    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
-    let size = (count * size_of::<T>()) as u64;
-    let descriptor = wgpu::BufferDescriptor { label: Some("test"), size, usage, mapped_at_creation: false };
-    let back = gpu.device.create_buffer(&descriptor);
-    encoder.copy_buffer_to_buffer(buffer, 0, &back, 0, size);
-    gpu.queue.submit([encoder.finish()]);
-    back.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("mapped"));
-    gpu.device.poll(wgpu::PollType::wait_indefinitely()).expect("finished");
-    bytemuck::pod_collect_to_vec(&back.slice(..).get_mapped_range().expect("mapped"))
 }
 
 fn encoder(gpu: &GpuDevice) -> wgpu::CommandEncoder {
@@ -61,13 +45,13 @@ fn the_kernel_wraps_as_the_host_does() {
     let tiny = f32::from_bits(1);
     let lengths =
         [1.0, 0.1, 3.0, 1.0 / 3.0, 16_777_215.0, 1e-30, 1e30, f32::MAX, f32::MIN_POSITIVE, 3.0 * tiny, tiny];
-    let mut state = 1_u64;
+    let mut random = Random(1);
     for length in lengths {
         let both = Some(f64::from(length));
         let space = Space::periodic([both, None, both]).expect("a length");
         let mut coordinates = vec![0.0, -0.0, length, tiny, f32::MAX, f32::NAN, f32::INFINITY];
         for k in 0..3000 {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let state = random.bits();
             let any = f32::from_bits((state >> 32) as u32);
             let some = ((state >> 40) as f32 / (1 << 20) as f32) * length;
             let tie = (state >> 61) as f32 * 0.5 * length;
@@ -144,11 +128,8 @@ fn split_and_unsplit_cells_share_spheres() {
     // Cells are 4.1 wide with a corner at the median. Only the largest sphere has its depth, so only unsplit cells have
     // entries of others.
     let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
-    let mut state = 40_u64;
-    let mut unit = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f32 / (1 << 24) as f32
-    };
+    let mut random = Random(40);
+    let mut unit = || random.unit();
     for k in 0..300 {
         let x = if k % 10 == 0 { unit() * 4.0 - 4.0 } else { unit() * 0.8 };
         spheres.push(Sphere::new([x, unit() * 0.8, unit() * 0.8], 0.1));

@@ -5,16 +5,13 @@ use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
 use super::*;
 use crate::gpu::detector::{BufferRange, GpuSkinDetector};
 use crate::gpu::device::device_or_skip;
+use crate::gpu::test_support::{Random, download};
 
 fn spheres() -> Vec<Sphere> {
-    let mut state = 7_u64;
-    let mut unit = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 40) as f32 / (1 << 24) as f32
-    };
+    let mut random = Random(7);
     let crowd = (0..2600).map(|k| Sphere::new([0.5 + 1e-4 * k as f32, 0.5, 0.5], 1.1e-4));
     let mut all: Vec<Sphere> = crowd.collect();
-    all.extend((0..1500).map(|_| Sphere::new([(); 3].map(|()| 10.0 * unit()), 0.2)));
+    all.extend((0..1500).map(|_| Sphere::new([(); 3].map(|()| 10.0 * random.unit()), 0.2)));
     all
 }
 
@@ -83,18 +80,8 @@ fn encode(gpu: &GpuDevice, detector: &mut GpuDetector, input: &GpuSpheres<'_>) -
     }
 }
 
-fn read(gpu: &GpuDevice, mut encoder: wgpu::CommandEncoder, from: &wgpu::Buffer) -> Vec<u8> {
-    let staging = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: Some("test"),
-        size: from.size(),
-        usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    });
-    encoder.copy_buffer_to_buffer(from, 0, &staging, 0, from.size());
-    gpu.queue.submit([encoder.finish()]);
-    staging.map_async(wgpu::MapMode::Read, .., |mapped| mapped.expect("mapped"));
-    gpu.device.poll(wgpu::PollType::wait_indefinitely()).expect("finished");
-    staging.get_mapped_range(..).expect("mapped").to_vec()
+fn read(gpu: &GpuDevice, encoder: wgpu::CommandEncoder, from: &wgpu::Buffer) -> Vec<u8> {
+    download(gpu, encoder, from, from.size() as usize)
 }
 
 #[test]

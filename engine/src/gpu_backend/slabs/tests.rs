@@ -1,15 +1,7 @@
 use lazygrid_kernels::Interaction;
 
 use super::*;
-
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 40) as f32 / (1 << 24) as f32
-    }
-}
+use crate::gpu::test_support::Random;
 
 fn cloud(random: &mut Random, count: usize, far: f32) -> Vec<Sphere> {
     (0..count)

@@ -2,6 +2,7 @@ use lazygrid_kernels::Algorithm;
 
 use super::*;
 use crate::gpu::plan::Planner;
+use crate::gpu::test_support::Random;
 use crate::gpu::{DeviceLimits, GpuConfig, wgpu};
 
 fn table(species: u32, pairs: &[(u32, u32, Interaction)]) -> Interactions {
@@ -163,11 +164,8 @@ fn divisions_are_counted_by_bell_numbers() {
 
 #[test]
 fn random_tables_have_sides_for_all_their_pairs() {
-    let mut state = 1_u64;
-    let mut below = |limit: u32| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as u32 % limit
-    };
+    let mut random = Random(1);
+    let mut below = |limit: u32| (random.bits() >> 33) as u32 % limit;
     let (mut narrow, sizes) = (0, (1..14).cycle().take(1000).chain([100, 600]));
     for (k, species) in sizes.enumerate() {
         let pairs: Vec<_> = (0..species * 2)
