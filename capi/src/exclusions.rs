@@ -1,7 +1,6 @@
 use engine::{Exclusions, InputError, Pair};
 
-use crate::pointer::array;
-use crate::pointer::check;
+use crate::pointer::{array, check};
 use crate::status::{Status, guarded, without_detector};
 use crate::{Failure, OutPtr};
 
@@ -66,11 +65,8 @@ pub unsafe extern "C" fn lazygrid_exclusions_across(
     count: usize,
     exclusions: *mut *mut ExclusionsHandle,
 ) -> Status {
-    let list = || {
-        let (first, second) = (first, second);
-        // SAFETY: by this function's condition.
-        Ok(Exclusions::across(first, second, unsafe { pairs(pairs_at, count) }?)?)
-    };
+    // SAFETY: by this function's condition.
+    let list = || Ok(Exclusions::across(first, second, unsafe { pairs(pairs_at, count) }?)?);
     // SAFETY: by this function's condition.
     unsafe { create(exclusions, list) }
 }

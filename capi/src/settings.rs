@@ -4,8 +4,7 @@ use engine::{Algorithm, Backend, Config, Order, Skin, Space};
 
 use crate::Failure;
 use crate::interactions::InteractionsHandle;
-use crate::pointer::array;
-use crate::pointer::check;
+use crate::pointer::{array, check};
 use crate::sized::{self, VersionedStruct};
 use crate::status::{Status, without_detector};
 
