@@ -6,7 +6,6 @@ use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::builder::TypedValueParser;
 use clap::{Parser, Subcommand};
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Algorithm, Backend, MAX_SPHERES, Skin, Space};
@@ -111,13 +110,13 @@ pub(crate) struct Detect {
     /// File with the spheres; - for standard input
     pub(crate) file: PathBuf,
     /// Format of the file [default: by extension, else by content]
-    #[arg(long, value_parser = one_of(Format::ALL.map(Format::name)).try_map(|name| name.parse::<Format>()))]
+    #[arg(long, value_parser = one_of::<Format>(Format::ALL.map(Format::name)))]
     pub(crate) format: Option<Format>,
     /// Radius of a species, by name or LAMMPS type; overrides the file. May be repeated
     #[arg(long = "radius", value_name = "SPECIES=R", value_parser = species_radius, allow_hyphen_values = true)]
     pub(crate) radii: Vec<(String, f64)>,
     /// Type of the numbers that decide; auto rounds none: f32 for NumPy arrays of float32, else f64
-    #[arg(long, default_value_t = Precision::Auto, value_parser = one_of(Precision::ALL.map(Precision::name)).try_map(|name| name.parse::<Precision>()))]
+    #[arg(long, default_value_t = Precision::Auto, value_parser = one_of::<Precision>(Precision::ALL.map(Precision::name)))]
     pub(crate) precision: Precision,
     /// Lengths of the periodic box, - for an unbounded axis; or none for unbounded space [default: the file's box]
     #[arg(long, value_name = "X,Y,Z", value_parser = periodic_space, allow_hyphen_values = true)]
@@ -126,13 +125,13 @@ pub(crate) struct Detect {
     #[arg(long, value_name = "XY,XZ,YZ", value_parser = tilts, allow_hyphen_values = true, requires = "periodic")]
     pub(crate) tilt: Option<[f64; 3]>,
     /// Backend of the search
-    #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.iter().map(|backend| backend.name())).try_map(|name| name.parse::<Backend>()))]
+    #[arg(long, default_value_t, value_parser = one_of::<Backend>(Backend::ALL.iter().map(|backend| backend.name())))]
     pub(crate) backend: Backend,
     /// GPU adapter: its index in `lazygrid devices`, or a part of its name
     #[arg(long, value_name = "NAME|INDEX")]
     pub(crate) adapter: Option<AdapterId>,
     /// Search algorithm; eager-grid and lazy-grid run on a GPU only
-    #[arg(long, default_value_t, value_parser = one_of(Algorithm::ALL.iter().map(|algorithm| algorithm.name())).try_map(|name| name.parse::<Algorithm>()))]
+    #[arg(long, default_value_t, value_parser = one_of::<Algorithm>(Algorithm::ALL.iter().map(|algorithm| algorithm.name())))]
     pub(crate) algorithm: Algorithm,
     /// τ of recursive-grid and lazy-grid: number of smaller spheres above which a cell is split [default: the engine's]
     #[arg(long, value_name = "N")]
@@ -154,7 +153,7 @@ pub(crate) struct Detect {
     #[arg(long, short, value_name = "PATH")]
     pub(crate) output: Option<PathBuf>,
     /// Format of the output [default: by its name; csv on standard output]
-    #[arg(long, value_name = "FORMAT", requires = "output", value_parser = one_of(["csv", "npy"]).map(table_format))]
+    #[arg(long, value_name = "FORMAT", requires = "output", value_parser = table_format())]
     pub(crate) output_format: Option<TableFormat>,
     /// Do not sort the pairs
     #[arg(long, conflicts_with_all = ["count", "neighbors"])]
@@ -193,7 +192,7 @@ pub(crate) struct Detect {
   lazygrid generate transceivers -n 100000 --transceivers 10 --size-ratio 1000 --output transceivers.npy")]
 pub(crate) struct Generate {
     /// The scene
-    #[arg(value_parser = one_of(Scene::ALL.map(Scene::name)).try_map(|name| name.parse::<Scene>()))]
+    #[arg(value_parser = one_of::<Scene>(Scene::ALL.map(Scene::name)))]
     pub(crate) scene: Scene,
     /// Number of spheres
     #[arg(short = 'n', long = "spheres", value_name = "N", value_parser = clap::value_parser!(u64).range(..=MAX_SPHERES))]
@@ -275,10 +274,10 @@ pub(crate) struct Simulate {
     #[arg(long)]
     pub(crate) report: bool,
     /// Backend of the run; the statistics are the same, but a GPU may round differently
-    #[arg(long, default_value_t = Backend::Cpu, value_parser = one_of([Backend::Cpu, Backend::Gpu].map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    #[arg(long, default_value_t = Backend::Cpu, value_parser = one_of::<Backend>([Backend::Cpu, Backend::Gpu].map(Backend::name)))]
     pub(crate) backend: Backend,
     /// Pair search on the CPU, refused with --backend gpu; does not change the result
-    #[arg(long, default_value_t, value_parser = one_of(ON_CPU.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
+    #[arg(long, default_value_t, value_parser = one_of::<Algorithm>(ON_CPU.map(Algorithm::name)))]
     pub(crate) algorithm: Algorithm,
     /// Threads of the CPU [default: all]
     #[arg(long, value_name = "N", value_parser = threads)]

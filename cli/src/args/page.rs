@@ -1,6 +1,5 @@
 use std::path::PathBuf;
 
-use clap::builder::TypedValueParser;
 use lazygrid::{Algorithm, Space};
 
 use lazygrid_io::arguments::periodic_space_f32;
@@ -32,7 +31,7 @@ pub(crate) struct PlanArgs {
     #[arg(short = 'n', long = "spheres", value_name = "N")]
     pub(crate) spheres: u32,
     /// Algorithm
-    #[arg(long, default_value_t, value_parser = one_of([Algorithm::Auto].iter().chain(Algorithm::GPU).map(|algorithm| algorithm.name())).try_map(|name| name.parse::<Algorithm>()))]
+    #[arg(long, default_value_t, value_parser = one_of::<Algorithm>([Algorithm::Auto].iter().chain(Algorithm::GPU).map(|algorithm| algorithm.name())))]
     pub(crate) algorithm: Algorithm,
     /// Pairs that the output holds; more are counted
     #[arg(long, value_name = "N", default_value_t = 1 << 20)]

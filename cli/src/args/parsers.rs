@@ -4,11 +4,19 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use lazygrid::Skin;
+use lazygrid::{Skin, UnknownName};
 use lazygrid_io::write::TableFormat;
 
-pub(super) fn one_of(names: impl IntoIterator<Item = &'static str>) -> PossibleValuesParser {
-    PossibleValuesParser::new(names)
+pub(super) fn one_of<T>(names: impl IntoIterator<Item = &'static str>) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err = UnknownName> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names).try_map(|name| name.parse())
+}
+
+pub(super) fn table_format() -> impl TypedValueParser<Value = TableFormat> {
+    PossibleValuesParser::new(["csv", "npy"])
+        .map(|name| if name == "npy" { TableFormat::Npy } else { TableFormat::Csv })
 }
 
 pub(super) fn tilts(text: &str) -> Result<[f64; 3], String> {
@@ -26,10 +34,6 @@ pub(super) fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = f64::from_str(text).ok().filter(|seconds| *seconds > 0.0);
     let time = seconds.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
     time.ok_or_else(|| "expected a number of seconds above zero".to_owned())
-}
-
-pub(super) fn table_format(name: String) -> TableFormat {
-    if name == "npy" { TableFormat::Npy } else { TableFormat::Csv }
 }
 
 pub(super) fn cell_ratio(text: &str) -> Result<f32, String> {
