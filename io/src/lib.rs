@@ -7,6 +7,7 @@ pub mod write;
 
 mod error;
 mod memory;
+mod names;
 mod system_memory;
 
 pub use error::{Error, Location, Position, excerpt, printed};

@@ -5,14 +5,13 @@
 
 mod expected;
 
-use std::fmt;
-use std::str::FromStr;
-
-use lazygrid::{Sphere, UnknownName};
+use lazygrid::Sphere;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use rand_distr::{Distribution, StandardNormal, UnitBall, UnitSphere};
+
+use crate::names::text_is_name;
 
 pub use expected::{PairCount, periodic_box_pairs};
 
@@ -160,20 +159,7 @@ impl Scene {
     }
 }
 
-impl fmt::Display for Scene {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for Scene {
-    type Err = UnknownName;
-
-    fn from_str(text: &str) -> Result<Self, UnknownName> {
-        let found = Self::ALL.into_iter().find(|scene| scene.name() == text);
-        found.ok_or_else(|| UnknownName::new("scene", text, &Self::ALL.map(Self::name)))
-    }
-}
+text_is_name!(Scene, "scene");
 
 #[derive(Clone, Copy, Debug)]
 enum RadiusMix {

@@ -34,19 +34,18 @@ mod xyz;
 mod zstd;
 
 use std::collections::TryReserveError;
-use std::fmt;
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-use std::str::FromStr;
 
-use lazygrid::{Space, Sphere, Spheres, UnknownName};
+use lazygrid::{Space, Sphere, Spheres};
 use rayon::slice::ParallelSliceMut;
 
 use self::read_context::ReadContext;
 use self::source::Source;
 use crate::error::Error;
 use crate::memory::try_collect;
+use crate::names::text_is_name;
 
 pub use line::BYTE_ORDER_MARK;
 pub use npy::{ArrayFile, NpyRows};
@@ -124,20 +123,7 @@ impl Format {
     }
 }
 
-impl fmt::Display for Format {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for Format {
-    type Err = UnknownName;
-
-    fn from_str(text: &str) -> Result<Self, UnknownName> {
-        let found = Self::ALL.into_iter().find(|format| format.name() == text);
-        found.ok_or_else(|| UnknownName::new("format", text, &Self::ALL.map(Self::name)))
-    }
-}
+text_is_name!(Format, "format");
 
 /// Reader options.
 #[derive(Clone, Debug, Default)]

@@ -1,7 +1,4 @@
-use std::fmt;
-use std::str::FromStr;
-
-use lazygrid::UnknownName;
+use crate::names::text_is_name;
 
 /// The type of coordinates and radii.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -31,17 +28,4 @@ impl Precision {
     }
 }
 
-impl fmt::Display for Precision {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.pad(self.name())
-    }
-}
-
-impl FromStr for Precision {
-    type Err = UnknownName;
-
-    fn from_str(text: &str) -> Result<Self, UnknownName> {
-        let found = Self::ALL.into_iter().find(|precision| precision.name() == text);
-        found.ok_or_else(|| UnknownName::new("precision", text, &Self::ALL.map(Self::name)))
-    }
-}
+text_is_name!(Precision, "precision");
