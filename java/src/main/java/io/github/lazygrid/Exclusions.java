@@ -9,8 +9,8 @@ import java.nio.LongBuffer;
 import java.util.function.LongToIntFunction;
 
 /**
- * Pairs that a query never reports, such as bonds, for one number of spheres. A list is immutable; any threads may share
- * it. To exclude whole molecules, {@link Spheres#withGroups groups} cost less.
+ * Pairs that a query never reports, such as bonds, for one number of spheres. A list is immutable; any threads may
+ * share it. To exclude whole molecules, {@link Spheres#withGroups groups} cost less.
  *
  * @see Query#without
  */
