@@ -87,8 +87,6 @@ pub fn run(
     run_over(gpu, kernel, variant, [groups, 1, 1], buffers)
 }
 
-/// Runs one kernel on a grid of workgroups.
-///
 /// # Panics
 /// Panics if a binding has no buffer.
 pub fn run_over(

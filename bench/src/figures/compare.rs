@@ -41,8 +41,7 @@ pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
 }
 
-/// A change is more than 5 % in medians or bytes. For times, the middle halves of the runs must also be
-/// disjoint.
+/// In a change of times, the middle halves of the runs are disjoint.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
     let compared = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
         Some(found) => difference(row, found),

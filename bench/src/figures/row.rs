@@ -29,7 +29,6 @@ impl Status {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Such as `3a`.
     pub figure: String,
     /// The scene with the parameters that the figure does not vary.
     pub scene: String,

@@ -104,8 +104,6 @@ pub struct FailedCase {
     pub environment: &'static str,
 }
 
-/// Checks the pairs that `pairs` finds.
-///
 /// # Errors
 /// Returns the first difference from the expected pairs, or the detector's error.
 pub fn verify(

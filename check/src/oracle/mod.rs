@@ -134,7 +134,7 @@ impl TestInput {
         dx * dx + dy * dy + dz * dz
     }
 
-    /// Returns all pairs by definition, in the simplest code.
+    /// Returns all pairs by definition.
     pub fn oracle(&self) -> Vec<Pair> {
         if self.space.triclinic_cell().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
