@@ -137,7 +137,10 @@ typedef struct lazygrid_exclusions lazygrid_exclusions;
 /* The group number of spheres without a group. */
 #define LAZYGRID_NO_GROUP 4294967295u
 
-/* Two overlapping spheres by input index; i < j. For two sets, `i` is an index in the first and `j` in the second. */
+/*
+ * Two overlapping spheres by input index; i < j. For two sets, `i` is an index in the first and `j` in the second, and
+ * either may be larger.
+ */
 typedef struct lazygrid_pair {
     uint32_t i;
     uint32_t j;
@@ -264,8 +267,8 @@ static inline lazygrid_query lazygrid_among(const lazygrid_spheres *spheres) {
 }
 
 /*
- * A query for the pairs of one sphere of `first` and one of `second`, such as particles and receivers, whose pointers
- * it keeps. Both may be the same spheres; each then pairs with itself. A message about `second` begins with "in the
+ * A query for the pairs of one sphere of `first` and one of `second`, such as particles and receivers. It keeps both
+ * pointers. Both may be the same spheres; each then pairs with itself. A message about `second` begins with "in the
  * second set, ".
  */
 static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, const lazygrid_spheres *second) {

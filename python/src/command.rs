@@ -2,7 +2,7 @@ use std::ffi::OsString;
 
 use pyo3::prelude::*;
 
-/// Run the command line, from the program's name on, and return the exit code.
+/// Run the command line, which begins with the program's name, and return the exit code.
 ///
 /// ``closed`` tells that the program began without standard output, so that writing to it fails.
 #[pyfunction]

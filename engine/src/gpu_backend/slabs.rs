@@ -256,7 +256,7 @@ impl Slab {
         0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 
-    /// Drops pairs of two ghosts.
+    /// Also drops pairs of two ghosts.
     pub(crate) fn restore_indices(&self, pairs: &mut Vec<Pair>) {
         let [owned, of_range, others] = self.ends;
         let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);

@@ -413,14 +413,14 @@ class Interactions:
 class Frames:
     """An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
 
-    Unless ``dtype`` is float64, numbers are rounded to float32, and the first that loses digits is a ``UserWarning``,
-    like a species of ``radii`` that no sphere has, at the end. If a filter turns a warning into an exception, the next
-    ``next`` returns the frame. Ctrl-C ends the iteration.
+    Numbers are rounded to float32, and the first that loses digits is a ``UserWarning``, unless ``dtype`` is float64. A
+    species of ``radii`` that no sphere has is a ``UserWarning`` at the end. If a filter turns a warning into an
+    exception, the next ``next`` returns the frame. Ctrl-C ends the iteration.
 
     Raises
     ------
     FileError
-        For a file that does not follow its format.
+        For a file that does not follow its format, with line or row and text.
     SettingError
         For an unknown format, another ``dtype`` than float32 and float64, and for radii that are negative or not finite.
     OSError
@@ -540,7 +540,7 @@ def simulate(source: Any, options: dict[str, Any]) -> tuple[dict[str, Any], list
     """Return the results of a run, and warnings. See :func:`lazygrid.simulate`."""
 
 def command(arguments: list[str], *, closed: bool = False) -> int:
-    """Run the command line, from the program's name on, and return the exit code.
+    """Run the command line, which begins with the program's name, and return the exit code.
 
     ``closed`` tells that the program began without standard output, so that writing to it fails.
     """

@@ -20,8 +20,9 @@ const SKINS: [f32; 2] = [0.05, 1.0];
 #[derive(Clone, Copy, Debug)]
 struct TimedCall {
     nanoseconds: f64,
-    /// Per sphere, as the candidates.
+    /// Per sphere.
     pairs: f64,
+    /// Per sphere.
     candidates: f64,
 }
 

@@ -1,4 +1,5 @@
-/// Capacities for (cell, sphere) entries by the binary digits of the sphere count. Each is for at least as many digits.
+/// Capacities for (cell, sphere) entries by the binary digits of the sphere count. Each applies to calls of at least as
+/// many digits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EntryCapacity(pub(super) [u32; u32::BITS as usize + 1]);
 

@@ -173,7 +173,8 @@ impl GpuDevice {
         self.probe().err().unwrap_or(error)
     }
 
-    /// Creates a small buffer, because a driver reports a loss late, and only to a host application whose device it is.
+    /// Creates a small buffer, because the driver reports a loss late, and for a host application's device only to the
+    /// application.
     pub(crate) fn probe(&self) -> Result<(), Error> {
         self.check_lost()?;
         // A poll delivers the report of a loss.

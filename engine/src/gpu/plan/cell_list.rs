@@ -27,8 +27,8 @@ const STATS_GROUPS: u32 = 1024;
 const OCCUPANCY_GROUPS: u32 = 1024;
 /// Spheres per thread of the statistics kernel, in calls of few and of many spheres.
 const SPHERES_PER_THREAD: [u32; 2] = [2, 8];
-/// Largest call with as few dispatches as possible, because their work costs less: all smaller spheres leave overfull
-/// cells, and the search has a workgroup for each chunk of candidates of every block.
+/// Largest call with as few dispatches as possible, because each costs more than its work: all smaller spheres leave
+/// overfull cells, and the search has a workgroup for each chunk of candidates of every block.
 const MAX_SMALL_CALL: u32 = 1 << 15;
 /// Largest call that one workgroup surveys and sets up, in ten rounds of four loads.
 const MAX_ONE_GROUP_SETUP: u32 = 40 * k::WORKGROUP_SIZE;

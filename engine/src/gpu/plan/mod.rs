@@ -277,7 +277,7 @@ pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
 }
 
 /// Returns eight entries per sphere, the most at one level, or as many as the device can bind. Several levels rarely
-/// need more, which would cost workgroups without work.
+/// need more, and unused capacity costs workgroups without work.
 fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error> {
     let spheres = request.spheres;
     let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
