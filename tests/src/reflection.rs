@@ -3,7 +3,7 @@
 use std::num::NonZeroU64;
 
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
-use naga::{AddressSpace, Module, StorageAccess, TypeInner};
+use naga::{AddressSpace, Expression, Literal, Module, StorageAccess, TypeInner};
 
 use super::Access;
 
@@ -37,6 +37,22 @@ pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)
     let mut found: Vec<_> = bound.collect();
     found.sort_by_key(|(number, ..)| *number);
     found
+}
+
+/// Compares the constants of `expected` that a shader has, and counts them in `found`.
+pub(crate) fn check_constants(
+    name: &str,
+    module: &Module,
+    expected: &[(&str, Literal)],
+    found: &mut [usize],
+) {
+    for (_, constant) in module.constants.iter() {
+        let known = expected.iter().position(|(known, _)| constant.name.as_deref() == Some(*known));
+        if let (Some(k), Expression::Literal(value)) = (known, &module.global_expressions[constant.init]) {
+            assert_eq!(*value, expected[k].1, "{} of {name}", expected[k].0);
+            found[k] += 1;
+        }
+    }
 }
 
 /// Name and size, and the name and offset of each member.

@@ -202,6 +202,18 @@ impl ReactionRow {
 }
 
 pub(super) const NOTHING: u32 = u32::MAX;
+/// Radius of a particle that is bound in row 0 of the table of events; -3 in row 1.
+pub(super) const BOUND_RADIUS: f32 = -2.0;
+/// Bit of a tag that marks a product that does not dissociate in the rest of the step.
+pub(super) const SPARED: u32 = 1 << 31;
+/// Maximum decays of a particle in a step.
+pub(super) const MAX_DECAYS: u32 = 64;
+/// Maximum reflecting spheres and images near a particle.
+pub(super) const MAX_NEAR: u32 = 16;
+/// Maximum requests for receptors of one type in a step.
+pub(super) const MAX_REQUESTS: u32 = 1 << 20;
+/// Maximum neighbors of a colliding particle.
+pub(super) const MAX_NEIGHBORS: u32 = 50_000;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]

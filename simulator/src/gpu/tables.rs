@@ -1,7 +1,7 @@
 use super::kernel::Variant;
 use super::layout::{
-    ChemotaxisRow, DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow,
-    SpeciesRow,
+    ChemotaxisRow, DissociationRow, EventRow, MAX_DECAYS, NOTHING, OccupancyRow, Params, ReactionRow,
+    ReceptorRow, SpeciesRow,
 };
 use super::ligand_rows::LigandRows;
 use super::model_check::chained_decays;
@@ -37,9 +37,6 @@ pub(super) struct Tables {
     pub(super) max_counts: u32,
     pub(super) tallies: Tallies,
 }
-
-/// Equal to that of `decay.wgsl`.
-const MAX_DECAYS: u32 = 64;
 
 /// Loop iterations of a thread near surfaces, additional ones per search, and most reflections in a step.
 const REFLECTION_ITERATIONS: u32 = 60_000;

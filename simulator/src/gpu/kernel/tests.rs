@@ -4,15 +4,18 @@ mod reflection;
 use std::mem::size_of;
 
 use encase::ShaderType;
+use naga::Literal;
 
-use reflection::{bindings, laid_out, layout, parse, spirv, structures};
+use reflection::{bindings, check_constants, laid_out, layout, parse, spirv, structures};
 
 use super::super::layout::{
-    BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ChemotaxisRow, ControlHeader, DissociationRow, EventRow,
-    MOVER_BYTES, NEXT_EVENT_BYTES, OccupancyRow, PUSH_BYTES, Params, ReactionRow, ReceiverCellsHeader,
-    ReceiverRow, SpeciesRow, TrajectoryHeader, WINDOW_BYTES,
+    BORN_BYTES, BOUND_RADIUS, CANDIDATE_BYTES, CLAIM_BYTES, ChemotaxisRow, ControlHeader, DissociationRow,
+    EventRow, MOVER_BYTES, NEXT_EVENT_BYTES, OccupancyRow, PUSH_BYTES, Params, ReactionRow,
+    ReceiverCellsHeader, ReceiverRow, SpeciesRow, TrajectoryHeader, WINDOW_BYTES,
 };
 use super::*;
+use crate::gpu::layout;
+use crate::random::philox::Purpose;
 
 fn texts() -> impl Iterator<Item = (&'static Kernel, String)> {
     let variant =
@@ -98,6 +101,43 @@ fn rust_structures_have_the_layout_of_the_shaders() {
         }
     }
     assert!(held > KERNELS.len(), "only {held} structures were compared");
+}
+
+#[test]
+fn shader_constants_are_those_of_the_host() {
+    macro_rules! constants {
+        ($($of:ident: $($name:ident)*;)*) => { vec![$($((stringify!($name), Literal::U32($of::$name))),*),*] };
+    }
+    let mut expected = constants! {
+        ControlHeader: PAIR_OVERFLOW ENTRY_OVERFLOW ROUNDS_LEFT NOT_FINITE TOO_MANY_SURFACES TOO_MANY_REQUESTS
+            TOO_MANY_REQUERIES UNFINISHED_SEARCH BIRTH_OVERFLOW PARTICLE_OVERFLOW OUT_OF_IDS EVENT_OVERFLOW
+            CANDIDATE_OVERFLOW WINDOW_ROUNDS_LEFT WINDOWS_LEFT TOO_FAST TOO_MANY_NEIGHBORS;
+        EventRow: ABSORBING ENDPOINT REFLECTING PARTIAL PER_STEP RECEPTORS DECAY WALL;
+        layout: NOTHING SPARED MAX_DECAYS MAX_NEAR MAX_REQUESTS MAX_NEIGHBORS;
+    };
+    let purposes = [
+        ("PURPOSE_MOVE", Purpose::Move),
+        ("PURPOSE_VELOCITY", Purpose::Velocity),
+        ("PURPOSE_RECEIVER", Purpose::Receiver),
+        ("PURPOSE_PAIR", Purpose::Pair),
+        ("PURPOSE_DECAY", Purpose::Decay),
+        ("PURPOSE_PATH", Purpose::Path),
+        ("PURPOSE_DISSOCIATION", Purpose::Dissociation),
+        ("PURPOSE_TUMBLE", Purpose::Tumble),
+        ("PURPOSE_UNBINDING", Purpose::Unbinding),
+        ("PURPOSE_HIT_TIME", Purpose::HitTime),
+        ("PURPOSE_WALL", Purpose::Wall),
+        ("PURPOSE_MEMBRANE", Purpose::Membrane),
+        ("PURPOSE_SURFACE_DIFFUSION", Purpose::SurfaceDiffusion),
+    ];
+    expected.extend(purposes.map(|(name, purpose)| (name, Literal::U32(purpose as u32))));
+    expected.push(("BOUND_RADIUS", Literal::F32(BOUND_RADIUS)));
+    let mut found = vec![0; expected.len()];
+    for (kernel, text) in texts() {
+        check_constants(kernel.name, &parse(kernel.name, &text).0, &expected, &mut found);
+    }
+    let missing: Vec<_> = expected.iter().zip(found).filter(|(_, shaders)| *shaders == 0).collect();
+    assert!(missing.is_empty(), "{missing:?}");
 }
 
 #[test]

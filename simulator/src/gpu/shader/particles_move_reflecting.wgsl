@@ -121,7 +121,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     } else {
         turns = PathTurns(true, reflected.contact, reflected.end - reflected.last, reflected.end);
     }
-    if (near_count > NEAR) {
+    if (near_count > MAX_NEAR) {
         atomicMax(&control.near_surfaces, near_count);
         atomicOr(&control.halted, TOO_MANY_SURFACES);
     } else if (left_region) {

@@ -6,15 +6,9 @@ use super::{GpuSimulation, MAX_ROUNDS};
 use crate::Error;
 use crate::gpu::device::{refused, with_error_scope};
 use crate::gpu::dispatches::StepDispatches;
-use crate::gpu::layout::ControlHeader;
+use crate::gpu::layout::{ControlHeader, MAX_NEAR, MAX_NEIGHBORS, MAX_REQUESTS};
 use crate::gpu::plan::{MAX_BIRTHS, Sizes, grow};
 
-/// Equal to that of `reflection.wgsl`.
-const NEAR: u64 = 16;
-/// Equal to that of `receptors_scan_requests.wgsl`.
-const MAX_REQUESTS: u64 = 1 << 20;
-/// Equal to that of `neighbors_reserve.wgsl`.
-const MAX_NEIGHBORS: u64 = 50_000;
 const MAX_COLLISION_ROUNDS: u64 = 1 << 13;
 const MAX_PAIRS: u64 = 1 << 28;
 const SHORTER_STEP: &str = "shorten the time step, or choose the CPU";
@@ -75,15 +69,19 @@ impl GpuSimulation {
             }
             ControlHeader::TOO_MANY_NEIGHBORS => {
                 let what = "the particles near one that collides";
-                return Err(exceeded(what, [MAX_NEIGHBORS + 1, MAX_NEIGHBORS], SHORTER_STEP));
+                return Err(exceeded(
+                    what,
+                    [u64::from(MAX_NEIGHBORS) + 1, MAX_NEIGHBORS.into()],
+                    SHORTER_STEP,
+                ));
             }
             ControlHeader::TOO_MANY_SURFACES => {
                 let what = "the number of surfaces within reach of a particle's step";
-                return Err(exceeded(what, [needed, NEAR], SHORTER_STEP));
+                return Err(exceeded(what, [needed, MAX_NEAR.into()], SHORTER_STEP));
             }
             ControlHeader::TOO_MANY_REQUESTS => {
                 let what = "the number of requests for a receiver's receptors in a step";
-                return Err(exceeded(what, [needed, MAX_REQUESTS], SHORTER_STEP));
+                return Err(exceeded(what, [needed, MAX_REQUESTS.into()], SHORTER_STEP));
             }
             ControlHeader::TOO_MANY_REQUERIES => {
                 let what = "the number of searches for moving surfaces near a particle in a step";

@@ -1,15 +1,10 @@
 use super::GpuSimulation;
 use crate::gpu::device::{read, with_error_scope};
-use crate::gpu::layout::ControlHeader;
+use crate::gpu::layout::{BOUND_RADIUS, ControlHeader, SPARED};
 use crate::gpu::ligand_rows::LigandRow;
 use crate::model::particles::{Particle, Particles, non_finite};
 use crate::motion::binding::Bound;
 use crate::{Error, State};
-
-/// See `receptor.wgsl`.
-const BOUND_RADIUS: f32 = -2.0;
-/// Equal to that of `tag.wgsl`.
-const SPARED: u32 = 1 << 31;
 
 impl GpuSimulation {
     /// # Errors

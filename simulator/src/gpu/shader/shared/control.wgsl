@@ -17,7 +17,7 @@ struct Control {
     // Needed capacity, or the number of non-finite particles.
     missing_lo: u32,
     missing_hi: u32,
-    // Surfaces near a particle, if above NEAR; requests, if above MAX_REQUESTS.
+    // Surfaces near a particle, if above MAX_NEAR; requests, if above MAX_REQUESTS.
     near_surfaces: atomic<u32>,
     requests: atomic<u32>,
     // Remaining matching candidates, in either list.

@@ -23,13 +23,13 @@ struct ReflectedPath {
 }
 
 // Maximum spheres and images near a particle; the run halts above.
-const NEAR: u32 = 16u;
+const MAX_NEAR: u32 = 16u;
 // A particle stops at the last reflection.
 const BOUNCES: u32 = 64u;
 // Bounds the lengthening of a path by rounding.
 const ROUNDING_FACTOR: f32 = 1.00001;
 
-var<private> near: array<Obstacle, NEAR>;
+var<private> near: array<Obstacle, MAX_NEAR>;
 var<private> near_count: u32;
 // The path left the region of all searches.
 var<private> left_region: bool;
@@ -39,7 +39,7 @@ fn add_obstacle(obstacle: Obstacle, search_distance: f32) {
     if (distance > obstacle.radius + search_distance + 4e-6 * (distance + obstacle.radius)) {
         return;
     }
-    if (near_count < NEAR) {
+    if (near_count < MAX_NEAR) {
         near[near_count] = obstacle;
     }
     near_count++;
@@ -84,7 +84,7 @@ fn time_to_hit(obstacle: Obstacle, traveled: vec3<f32>, time: f32, displacement:
     return c / (sqrt(root) - b);
 }
 
-// NEAR if none contains the point at the end of the step.
+// MAX_NEAR if none contains the point at the end of the step.
 fn obstacle_at(point: vec3<f32>, count: u32) -> u32 {
     for (var j = 0u; j < count; j++) {
         let receiver = receiver_at(near[j].receiver, control.step);
@@ -92,16 +92,16 @@ fn obstacle_at(point: vec3<f32>, count: u32) -> u32 {
             return j;
         }
     }
-    return NEAR;
+    return MAX_NEAR;
 }
 
 // See reflection.rs.
 fn outside(before: vec3<f32>, after: vec3<f32>, radius: f32, count: u32) -> vec3<f32> {
-    if (obstacle_at(after, count) == NEAR) {
+    if (obstacle_at(after, count) == MAX_NEAR) {
         return after;
     }
     let inside = obstacle_at(before, count);
-    if (inside == NEAR) {
+    if (inside == MAX_NEAR) {
         return before;
     }
     let receiver = receiver_at(near[inside].receiver, control.step);
@@ -126,7 +126,7 @@ fn follow(start: vec3<f32>, velocity: vec3<f32>, count: u32) -> FollowedPath {
     var time = 0.0;
     for (var bounce = 0u; bounce < BOUNCES; bounce++) {
         var remaining = 1.0 - time;
-        var next = NEAR;
+        var next = MAX_NEAR;
         for (var j = 0u; j < count; j++) {
             let later = time_to_hit(near[j], found.displacement, time, displacement);
             if (later < remaining) {
@@ -136,7 +136,7 @@ fn follow(start: vec3<f32>, velocity: vec3<f32>, count: u32) -> FollowedPath {
         }
         found.displacement += remaining * displacement;
         found.length += remaining * length(displacement);
-        if (next == NEAR) {
+        if (next == MAX_NEAR) {
             break;
         }
         if (found.first == NOTHING) {
@@ -160,7 +160,7 @@ fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
         // An approaching sphere accelerates the particle by at most twice its own speed.
         let search_distance = ROUNDING_FACTOR * found.length + 3.0 * trajectory.max_displacement;
         search_surfaces(kind, path, displacement, search_distance);
-        found = follow(displacement, path.velocity * params.time_step, min(near_count, NEAR));
+        found = follow(displacement, path.velocity * params.time_step, min(near_count, MAX_NEAR));
         // A moving sphere may push the particle beyond the searched region.
         if (trajectory.max_displacement == 0.0 || found.length + trajectory.max_displacement <= search_distance) {
             left_region = false;
@@ -171,7 +171,7 @@ fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
     if (found.first == NOTHING) {
         return ReflectedPath(path.end, path.after, NOTHING, found.length, path.velocity, path.before, displacement);
     }
-    let count = min(near_count, NEAR);
+    let count = min(near_count, MAX_NEAR);
     let after = outside(path.before, confined(end, kind.radius), kind.radius, count);
     let contact = path.before + found.contact;
     let velocity = found.velocity / params.time_step;
