@@ -203,7 +203,7 @@ pub enum Error {
     #[error(
         "the device did not finish within {seconds} seconds; use fewer spheres per call or raise the time-out"
     )]
-    Timeout { seconds: u64 },
+    Timeout { seconds: f64 },
     /// All call slots of a session are in use, or the ticket's call has failed.
     #[error(
         "all {calls} call slots are in use, or this call failed; finish a call before beginning the next"

@@ -199,11 +199,11 @@ fn digits_that_are_lost_are_said_once() {
         scratch.write("a.csv", "x,y,z,r\n0.5,0,1.20000000000,1\n1,0.12345678901,0,1\n1,0.12345678901,0,1\n");
     let run = detect([&file, "--precision", "f32"]).succeeds();
     assert_eq!(run.err.matches("rounded").count(), 1, "{}", run.err);
-    assert!(run.err.contains("a.csv, line 3: y is 0.12345678901, more digits"), "{}", run.err);
+    assert!(run.err.contains("a.csv, line 3: y is 0.12345678901, which the 32-bit numbers"), "{}", run.err);
 
     let file = scratch.write("b.csv", "x,y,z,r\n16777216,0,0,1\n16777217,0,0,1\n");
     let run = detect([&file, "--precision", "f32"]).succeeds();
-    assert!(run.err.contains("b.csv, line 3: x is 16777217, more digits"), "{}", run.err);
+    assert!(run.err.contains("b.csv, line 3: x is 16777217, which the 32-bit numbers"), "{}", run.err);
     let dump = |x: &str| {
         let head = "ITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS ff ff ff\n0 1000\n0 1\n0 1\n";
         let run = detect([
@@ -215,7 +215,7 @@ fn digits_that_are_lost_are_said_once() {
     };
     assert_eq!(dump("0.123457"), "");
     let warning = dump("0.1234567891");
-    assert!(warning.contains("a.dump, line 8: xs is 0.1234567891, more digits"), "{warning}");
+    assert!(warning.contains("a.dump, line 8: xs is 0.1234567891, which the 32-bit numbers"), "{warning}");
 
     let rows = |value: f64| {
         let header = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 4), }\n";
@@ -228,7 +228,7 @@ fn digits_that_are_lost_are_said_once() {
     fs::write(&path, rows(0.1)).unwrap();
     let run = detect([&path, "--precision", "f32"]).succeeds();
     assert_eq!(run.err.matches("rounded").count(), 1, "{}", run.err);
-    assert!(run.err.contains("a.npy, row 1: y is 0.1, more digits"), "{}", run.err);
+    assert!(run.err.contains("a.npy, row 1: y is 0.1, which the 32-bit numbers"), "{}", run.err);
     fs::write(&path, rows(0.125)).unwrap();
     assert_eq!(detect([&path, "--precision", "f32"]).succeeds().err, "");
 }

@@ -37,9 +37,9 @@ impl ReadContext {
     pub(super) fn warn_of_rounding(&mut self, location: Location, column: &str, text: impl Display) {
         if self.rounding.is_none() {
             let warning = format!(
-                "{location}: {column} is {text}, more digits than the 32-bit numbers have that spheres are made of; it is \
-                 rounded, as later ones may be; if that matters, search 64-bit numbers (lazygrid detect --precision f64; in \
-                 Python dtype='float64'), or move the origin near the spheres"
+                "{location}: {column} is {text}, which the 32-bit numbers of spheres cannot represent; it is rounded, as \
+                 later ones may be; if that matters, search 64-bit numbers (lazygrid detect --precision f64; in Python \
+                 dtype='float64'), or move the origin near the spheres"
             );
             log::warn!("{warning}");
             self.rounding = Some(warning);

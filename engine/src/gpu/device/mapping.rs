@@ -144,8 +144,8 @@ impl MappingAnswer {
 
 pub(crate) fn poll(device: &wgpu::Device, until: wgpu::PollType) -> Result<(), Error> {
     let seconds = match &until {
-        wgpu::PollType::Wait { timeout: Some(timeout), .. } => timeout.as_secs(),
-        _ => 0,
+        wgpu::PollType::Wait { timeout: Some(timeout), .. } => timeout.as_secs_f64(),
+        _ => 0.0,
     };
     match catch_unwind(AssertUnwindSafe(|| device.poll(until))) {
         Ok(Ok(_)) => Ok(()),
