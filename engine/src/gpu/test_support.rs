@@ -1,6 +1,6 @@
 use bytemuck::Pod;
 
-use super::GpuDevice;
+use super::{GpuDevice, wgpu};
 
 /// A linear congruential generator.
 pub(crate) struct Random(pub(crate) u64);
@@ -14,6 +14,21 @@ impl Random {
     pub(crate) fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1 << 24) as f32
     }
+}
+
+/// Opens another device of the adapter, whose storage bindings have at most `bytes`.
+pub(crate) fn with_binding_limit(gpu: &GpuDevice, bytes: u64) -> GpuDevice {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let adapter = adapters.into_iter().find(|a| a.get_info().name == gpu.adapter.name).expect("the same");
+    let limits = wgpu::Limits { max_storage_buffer_binding_size: bytes, ..adapter.limits() };
+    let descriptor = wgpu::DeviceDescriptor {
+        required_features: gpu.device.features(),
+        required_limits: limits,
+        ..Default::default()
+    };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
+    GpuDevice::from_wgpu(&device, &queue)
 }
 
 /// Submits the encoder, then reads `count` values.

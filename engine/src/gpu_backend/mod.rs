@@ -190,10 +190,9 @@ impl SearchBackend for GpuBackend {
             algorithm,
             filter: filter.as_ref().map(|filter| (filter, &**team)),
         };
-        let mut skin_controller = skin_controller.as_mut().filter(|_| split.is_none());
-        if let Some(skin_controller) =
-            skin_controller.as_deref_mut().filter(|_| search.is_bound_at_once(&request))
-        {
+        let may_use_skin = split.is_none() && search.is_bound_at_once(&request);
+        let mut skin_controller = skin_controller.as_mut().filter(|_| may_use_skin);
+        if let Some(skin_controller) = skin_controller.as_deref_mut() {
             let skin = match choice::can_use_skin(requested, algorithm, spheres, &profile.skin) {
                 Ok(()) => skin_controller.next(&request, &profile.skin)?,
                 Err(why) => {
@@ -204,9 +203,10 @@ impl SearchBackend for GpuBackend {
             };
             search.session.update_skin(skin)?;
         }
+        search.has_searched = false;
         work(&mut SlabPairSource { search, request: &request })?;
-        // With an empty set, the session does not search and describes an earlier call.
-        if !request.has_no_pairs() {
+        // Otherwise the session describes an earlier call.
+        if search.has_searched {
             complete_report(report, search);
         }
         if let Some(skin_controller) = skin_controller {

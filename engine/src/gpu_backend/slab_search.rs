@@ -22,7 +22,7 @@ pub(super) struct SearchRequest<'a> {
 }
 
 impl SearchRequest<'_> {
-    pub(super) fn has_no_pairs(&self) -> bool {
+    fn has_no_pairs(&self) -> bool {
         has_empty_set(self.split, self.spheres.len() as u32)
     }
 
@@ -55,6 +55,8 @@ pub(super) struct SlabSearch {
     pub(super) timings: Vec<PhaseTime>,
     /// 1 for an undivided call.
     pub(super) slabs: usize,
+    /// `false` if all slabs were empty, or one of two sets was.
+    pub(super) has_searched: bool,
     found: Vec<Pair>,
 }
 
@@ -96,7 +98,7 @@ impl PairSource for SlabPairSource<'_> {
 impl SlabSearch {
     pub(super) fn new(session: GpuSession) -> Self {
         let (slab, timings, found) = Default::default();
-        Self { session, slab, timings, slabs: 1, found }
+        Self { session, slab, timings, slabs: 1, has_searched: false, found }
     }
 
     pub(super) fn list(
@@ -130,10 +132,10 @@ impl SlabSearch {
         }
         let Some(cut) = self.cut(request)? else {
             let ticket = self.begin(request)?;
-            self.session.finish(ticket, limit)?;
-            std::mem::swap(self.session.pairs_mut(), list);
+            let finished = self.session.finish(ticket, limit).map(|_| ());
             self.add_timings();
-            return Ok(());
+            std::mem::swap(self.session.pairs_mut(), list);
+            return finished;
         };
         let mut found = 0;
         list.clear();
@@ -141,6 +143,7 @@ impl SlabSearch {
             let Some(ticket) = self.begin_slab(&cut, number, &GpuSpheres::ALL)? else { continue };
             if found > limit {
                 found += self.session.finish_count(ticket)?;
+                self.add_timings();
                 continue;
             }
             match self.session.finish(ticket, limit - found).map(<[Pair]>::len) {
@@ -339,6 +342,7 @@ impl SlabSearch {
             Some(split) => QueuedCall { split, may_use_candidates: false, ..call },
         };
         let ticket = self.session.begin_as(call, request.spheres)?;
+        self.has_searched = true;
         self.time("upload", start);
         Ok(ticket)
     }
@@ -365,6 +369,7 @@ impl SlabSearch {
             ..self.session.call(cut.request.algorithm)
         };
         let ticket = self.session.begin_as(call, self.slab.spheres()?)?;
+        self.has_searched = true;
         self.time("upload", start);
         Ok(Some(ticket))
     }

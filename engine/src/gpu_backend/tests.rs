@@ -6,21 +6,14 @@ use lazygrid_kernels::{Algorithm, Interaction, Pair, Sphere, Spheres};
 use super::*;
 use crate::Detector;
 use crate::gpu::device::device_or_skip;
-use crate::gpu::test_support::Random;
-use crate::gpu::wgpu;
+use crate::gpu::test_support::{Random, with_binding_limit};
 
 fn made(gpu: GpuDevice, config: Config) -> PairFinder<GpuBackend> {
     GpuBackend::new(gpu, config).map(PairFinder::on).expect("the settings are in range")
 }
 
 fn with_small_bindings(gpu: &GpuDevice) -> GpuDevice {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let adapter = adapters.into_iter().find(|a| a.get_info().name == gpu.adapter.name).expect("the same");
-    let limits = wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..adapter.limits() };
-    let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
-    GpuDevice::from_wgpu(&device, &queue)
+    with_binding_limit(gpu, 1 << 20)
 }
 
 /// A giant sphere extends through all slabs.
@@ -115,22 +108,6 @@ fn report_has_the_reason_for_a_single_level() {
 }
 
 #[test]
-fn call_with_too_many_entries_has_a_single_level_whatever_was_begun_after_it() {
-    let Some(gpu) = device_or_skip() else { return };
-    let config = GpuConfig::default()
-        .algorithm(Algorithm::LazyGrid)
-        .cell_ratio(GpuConfig::MAX_CELL_RATIO)
-        .pair_capacity(1 << 17);
-    let mut session = GpuSession::new(with_small_bindings(&gpu), config).expect("made");
-    let spheres: Vec<_> = (0..3300).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
-    let first = session.begin(Spheres::from(&spheres)).expect("begun");
-    session.set_algorithm(Algorithm::Naive).expect("it has kernels");
-    let second = session.begin(Spheres::from(&spheres[..2])).expect("begun");
-    assert_eq!(session.finish_count(first), Ok(3300 * 3299 / 2));
-    assert_eq!(session.finish_count(second), Ok(1));
-}
-
-#[test]
 fn report_with_an_empty_set_describes_its_own_call() {
     let Some(gpu) = device_or_skip() else { return };
     let spheres: Vec<_> = (0..75_000).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.5)).collect();
@@ -147,6 +124,49 @@ fn report_with_an_empty_set_describes_its_own_call() {
         assert_eq!(detector.count(&spheres), Ok(74_999));
         assert!(detector.backend().report().reason.contains("slabs"));
     }
+}
+
+#[test]
+fn report_without_a_search_describes_its_own_call() {
+    let Some(gpu) = device_or_skip() else { return };
+    let mut table = Interactions::new(2, Interaction::Never).expect("few species");
+    table.set(0, 0, Interaction::Touch).expect("a known species");
+    let mut detector = made(with_small_bindings(&gpu), Config::default().interactions(Some(table)));
+    let spheres: Vec<_> = (0..75_000).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.5)).collect();
+    // Spheres of species 1 are in no slab, because they never pair.
+    for (count, species, pairs) in [(3, 0, 2), (75_000, 1, 0)] {
+        let ids = vec![species; count];
+        let spheres = Spheres::from(&spheres[..count]).with_species(&ids).expect("an id for each");
+        assert_eq!(detector.count(spheres), Ok(pairs), "species {species}");
+        let report = detector.backend().report();
+        assert!(!report.reason.contains("instead"), "{}", report.reason);
+        assert_eq!(report.cost.is_some(), species == 0, "{report:?}");
+    }
+}
+
+#[test]
+fn report_of_too_many_pairs_has_the_times() {
+    let Some(gpu) = device_or_skip() else { return };
+    let spheres = [Sphere::new([0.0; 3], 1.0); 3];
+    let mut detector = made(gpu, Config::default().max_pairs(2));
+    assert_eq!(detector.pairs(&spheres), Err(Error::TooManyPairs { found: 3, limit: 2 }));
+    let phases = detector.backend().report().phases;
+    assert!(phases.iter().any(|phase| phase.name == "wait"), "{phases:?}");
+}
+
+#[test]
+fn call_in_slabs_leaves_the_candidate_list() {
+    let Some(gpu) = device_or_skip() else { return };
+    let grid = |k: u32| [k % 40, k / 40 % 40, k / 1600].map(|at| at as f32);
+    let spheres: Vec<_> = (0..75_000).map(|k| Sphere::new(grid(k), 0.25)).collect();
+    let mut detector = made(with_small_bindings(&gpu), Config::default().algorithm(Algorithm::CellList));
+    let mut is_served = |count: usize| {
+        assert_eq!(detector.count(&spheres[..count]), Ok(0));
+        detector.backend().report().candidates.is_some_and(|stats| stats.rebuilt.is_none())
+    };
+    assert!((0..20).any(|_| is_served(10_000)), "no list");
+    assert!(!is_served(75_000));
+    assert!(is_served(10_000));
 }
 
 #[test]
