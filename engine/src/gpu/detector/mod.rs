@@ -6,6 +6,8 @@ mod skin_detector;
 mod tables;
 mod timer;
 
+use std::sync::Arc;
+
 use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Space};
 
@@ -15,6 +17,7 @@ pub use input::{BufferRange, GpuSpheres, SphereCount};
 pub use output::{CellOrder, GpuOutput, read_outcome};
 use prepared::{Key, PreparedCall};
 pub use skin_detector::GpuSkinDetector;
+pub(crate) use skin_detector::displacement_fraction;
 use tables::Tables;
 use timer::Timer;
 
@@ -152,7 +155,7 @@ impl GpuDetector {
             if prepared.plan.deferred_parts != plan.deferred_parts {
                 prepared.recordings = SmallCache::NONE;
             }
-            prepared.plan = plan;
+            prepared.plan = Arc::new(plan);
             return Ok(prepared);
         }
         let buffers = Buffers::allocate(&self.device, &plan.buffers)?;
@@ -186,12 +189,17 @@ impl GpuDetector {
     }
 
     pub(crate) fn raise_entry_capacity(&mut self, entries: u64, spheres: u32) -> bool {
-        let most = most_entries(&DeviceLimits::from_device(&self.device));
+        let most = self.most_entries();
         if entries > most {
             return false;
         }
-        self.entry_capacity.0[EntryCapacity::digits(spheres)] = (entries + entries / 8).min(most) as u32;
+        let capacity = &mut self.entry_capacity.0[EntryCapacity::digits(spheres)];
+        *capacity = (*capacity).max((entries + entries / 8).min(most) as u32);
         true
+    }
+
+    pub(crate) fn most_entries(&self) -> u64 {
+        most_entries(&DeviceLimits::from_device(&self.device))
     }
 
     pub(crate) fn capacities(&self) -> CapacitySnapshot {
@@ -323,12 +331,8 @@ impl GpuDetector {
         WorkBudget::new(&self.settings, &DeviceLimits::from_device(&self.device))
     }
 
-    pub(crate) fn plan(&self) -> Option<&Plan> {
+    pub(crate) fn plan(&self) -> Option<&Arc<Plan>> {
         self.prepared.as_ref().map(|p| &p.plan)
-    }
-
-    pub(crate) fn output(&self) -> Option<GpuOutput> {
-        self.prepared.as_ref().map(PreparedCall::output)
     }
 
     /// Returns the begin and end ticks per phase (`u64`, ordered as [`GpuPhase::ALL`](super::GpuPhase::ALL)); `None`

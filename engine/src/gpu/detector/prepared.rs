@@ -1,4 +1,5 @@
 use std::collections::{BTreeSet, HashMap};
+use std::sync::Arc;
 
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::layout::SearchParams;
@@ -14,7 +15,7 @@ use crate::gpu::plan::{BufferId, CallConstants, DeviceLimits, Dispatch, Plan, Re
 
 #[derive(Debug)]
 pub(super) struct PreparedCall {
-    pub(super) plan: Plan,
+    pub(super) plan: Arc<Plan>,
     pub(super) buffers: Buffers,
     pub(super) recordings: SmallCache<Key, Recording>,
     /// Parameters of the submitted call that chose the cells.
@@ -32,14 +33,14 @@ pub(crate) struct Key {
 impl PreparedCall {
     pub(super) fn new(plan: Plan, buffers: Buffers) -> Self {
         let bound = SearchParams::default();
-        Self { plan, buffers, recordings: SmallCache::NONE, layout: None, bound }
+        Self { plan: Arc::new(plan), buffers, recordings: SmallCache::NONE, layout: None, bound }
     }
 
     /// Reuses the cells in the buffers if they were chosen for equal parameters. The device then checks them.
     pub(super) fn set_call(&mut self, call: SearchParams, source: LayoutSource) {
         let may_reuse = source == LayoutSource::EarlierCall && call.spheres > 0;
         if may_reuse && self.layout == Some(layout_params(&call)) {
-            self.plan.reuse_layout();
+            Arc::make_mut(&mut self.plan).reuse_layout();
         } else {
             self.layout = None;
         }

@@ -3,6 +3,8 @@
 //! A rebuild searches the stored spheres with radii larger by half the skin. Each call records that search with
 //! indirect workgroup counts, which the device sets to zero if the list is still valid.
 
+use std::sync::Arc;
+
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{SearchParams, SkinParams};
@@ -121,6 +123,10 @@ impl GpuSkinDetector {
         self.search.set_deferred_parts(parts);
     }
 
+    pub(crate) fn deferred_parts(&self) -> u32 {
+        self.search.settings().deferred_parts
+    }
+
     /// Works like [`GpuDetector::needed_deferred_parts`].
     pub fn needed_deferred_parts(&self, outcome: &Outcome) -> u32 {
         self.search.needed_deferred_parts(outcome)
@@ -150,12 +156,7 @@ impl GpuSkinDetector {
         Ok(self.search.memory_for(spheres)? + buffers.iter().map(|(_, bytes)| bytes).sum::<u64>())
     }
 
-    /// Returns the used fraction of half the skin; `squared_bits` has the bits of a squared displacement.
-    pub(crate) fn displacement_fraction(&self, squared_bits: u32) -> f32 {
-        f32::from_bits(squared_bits).sqrt() / (self.skin / 2.0)
-    }
-
-    pub(crate) fn plan(&self) -> Option<&Plan> {
+    pub(crate) fn plan(&self) -> Option<&Arc<Plan>> {
         self.search.plan()
     }
 
@@ -320,6 +321,11 @@ impl GpuSkinDetector {
             Ok(SkinRecordings { before: before?, counts, after: after? })
         })
     }
+}
+
+/// Returns the used fraction of half the skin; `squared_bits` has the bits of a squared displacement.
+pub(crate) fn displacement_fraction(squared_bits: u32, skin: f32) -> f32 {
+    f32::from_bits(squared_bits).sqrt() / (skin / 2.0)
 }
 
 fn check_skin(skin: f32) -> Result<(), Error> {

@@ -5,6 +5,7 @@ use lazygrid_kernels::{Pair, Sphere, Spheres, try_reserve};
 use crate::Error;
 use crate::gpu::detector::read_outcome;
 use crate::gpu::device::{GpuDevice, with_error_scope};
+use crate::gpu::plan::GpuPhase;
 
 /// Byte offset of the pairs in a staging buffer. The outcome is at 0, the ticks or the candidate list's state at
 /// [`TICKS_AT`].
@@ -77,10 +78,6 @@ impl CallBuffers {
     }
 }
 
-pub(crate) fn staged_pairs(staging: &wgpu::Buffer) -> u64 {
-    (staging.size() - PAIRS_AT) / 8
-}
-
 pub(crate) fn copy_to_staging(
     encoder: &mut wgpu::CommandEncoder,
     from: [Option<&wgpu::Buffer>; 3],
@@ -107,8 +104,9 @@ impl Readback<'_> {
         read_outcome(self.0)
     }
 
-    pub(crate) fn ticks(&self) -> Vec<[u64; 2]> {
-        bytemuck::pod_collect_to_vec(&self.0[TICKS_AT as usize..PAIRS_AT as usize])
+    pub(crate) fn ticks(&self, phase: GpuPhase) -> [u64; 2] {
+        let at = TICKS_AT as usize + phase as usize * size_of::<[u64; 2]>();
+        bytemuck::pod_read_unaligned(&self.0[at..at + size_of::<[u64; 2]>()])
     }
 
     pub(crate) fn state(&self) -> SkinState {

@@ -1,3 +1,4 @@
+mod call;
 mod call_buffers;
 mod layout_reuse;
 mod retry;
@@ -5,7 +6,7 @@ mod skin;
 mod submission;
 
 use std::ops::{ControlFlow, Range};
-use std::sync::{Arc, Weak};
+use std::sync::Arc;
 use std::time::Duration;
 
 use lazygrid_host::{CandidateListStats, PhaseTime};
@@ -13,16 +14,17 @@ use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres};
 
 use super::config::{GpuConfig, check_algorithm};
-use super::detector::{AlgorithmChoice, GpuDetector, GpuOutput, GpuSpheres};
+use super::detector::{AlgorithmChoice, GpuDetector, GpuOutput};
 use super::device::{AdapterSummary, GpuDevice, Wait};
 use super::plan::{CallCost, DeviceLimits, Plan, most_spheres};
 use crate::Error;
-use call_buffers::CallBuffers;
+use call::CallSlot;
 use layout_reuse::LayoutReuse;
-use skin::SkinSession;
-use submission::{PendingReadback, Submission};
+use skin::{ListCalls, SkinSession};
+use submission::Submission;
 
-pub use submission::SubmissionCounts;
+pub(crate) use call::QueuedCall;
+pub use call::{SubmissionCounts, Ticket};
 
 const MAX_IN_FLIGHT: usize = 2;
 /// Pairs in the first readback of a session.
@@ -37,48 +39,30 @@ pub struct GpuSession {
     detector: GpuDetector,
     layouts: LayoutReuse,
     skin: Option<SkinSession>,
-    candidate_list_stats: Option<CandidateListStats>,
+    list_calls: ListCalls,
     requested: AlgorithmChoice,
     timeout: Duration,
-    call_buffers: [CallBuffers; MAX_IN_FLIGHT],
-    calls: [QueuedCall; MAX_IN_FLIGHT],
+    slots: [CallSlot; MAX_IN_FLIGHT],
     next_number: u64,
-    /// The call whose result is in the detector's buffers.
+    /// The call whose result is in these buffers of a detector.
     submitted: Option<(u64, GpuOutput)>,
-    pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
-    tickets: [Weak<()>; MAX_IN_FLIGHT],
     /// Pairs in the first readback of a call.
     expected: u64,
     pairs: Vec<Pair>,
     gathered: Vec<Pair>,
+    last: LastCall,
+}
+
+/// The report of the last finished call.
+#[derive(Debug, Default)]
+struct LastCall {
+    plan: Option<Arc<Plan>>,
+    outcome: Outcome,
+    counts: SubmissionCounts,
     timings: Vec<PhaseTime>,
-    last: Outcome,
-    counts: [SubmissionCounts; MAX_IN_FLIGHT],
-    last_counts: SubmissionCounts,
-}
-
-#[derive(Clone, Debug)]
-pub(crate) struct QueuedCall {
-    pub(crate) choice: AlgorithmChoice,
-    pub(crate) window: Range<u32>,
-    pub(crate) split: u32,
-    pub(crate) may_use_candidates: bool,
-    pub(crate) reuses_layout: bool,
-}
-
-impl QueuedCall {
-    fn new(choice: AlgorithmChoice) -> Self {
-        Self { choice, window: GpuSpheres::ALL, split: 0, may_use_candidates: true, reuses_layout: true }
-    }
-}
-
-/// A call that was begun. Dropping the ticket abandons it.
-#[derive(Debug, PartialEq, Eq)]
-#[must_use = "the result comes with `finish`"]
-pub struct Ticket {
-    number: u64,
-    /// Lets the session notice a dropped ticket.
-    held: Arc<()>,
+    list: Option<CandidateListStats>,
+    /// Age and displacement fraction of the list before the call.
+    previous_list: (u32, f32),
 }
 
 impl GpuSession {
@@ -102,22 +86,16 @@ impl GpuSession {
             detector,
             layouts: LayoutReuse::default(),
             skin: None,
-            candidate_list_stats: None,
+            list_calls: ListCalls::default(),
             gpu,
             timeout: Duration::from_secs(600),
-            call_buffers: Default::default(),
-            calls: [(); MAX_IN_FLIGHT].map(|()| QueuedCall::new(requested)),
+            slots: [(); MAX_IN_FLIGHT].map(|()| CallSlot::new(requested)),
             next_number: 0,
             submitted: None,
-            pending: Default::default(),
-            tickets: Default::default(),
             expected: FIRST_PAIRS,
             pairs: Vec::new(),
             gathered: Vec::new(),
-            timings: Vec::new(),
-            last: Outcome::default(),
-            counts: Default::default(),
-            last_counts: SubmissionCounts::default(),
+            last: LastCall::default(),
         })
     }
 
@@ -134,8 +112,10 @@ impl GpuSession {
         Ok(session)
     }
 
-    /// Changes the space, which must keep its periodic axes, and discards candidates.
+    /// Changes the space, which must keep its periodic axes, and discards candidates. No call may be in flight, since
+    /// its retry would search the new space.
     pub(crate) fn set_space(&mut self, space: Space) -> Result<(), Error> {
+        debug_assert!(self.slots.iter().all(CallSlot::is_abandoned));
         if self.detector.settings().space != space {
             // After an error no skin is left in the old space.
             let distance = self.skin.take().map(|skin| skin.detector.skin());
@@ -165,40 +145,32 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Returns the algorithm of the last call: ArrayGrid if the entries of several levels did not fit; `Auto` before
-    /// the first call.
+    /// Returns the algorithm of the last finished call: ArrayGrid if the entries of several levels did not fit; `Auto`
+    /// before the first call.
     pub fn algorithm(&self) -> Algorithm {
-        self.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
+        self.last.plan.as_ref().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }
 
     /// Returns the planned cost of the last finished call; `None` if a candidate list answered it.
     pub fn cost(&self) -> Option<CallCost> {
-        self.plan()
-            .filter(|_| self.candidate_list_stats.is_none_or(|stats| stats.rebuilt.is_some()))
-            .map(Plan::cost)
-    }
-
-    fn plan(&self) -> Option<&Plan> {
-        match (&self.skin, self.candidate_list_stats) {
-            (Some(skin), Some(_)) => skin.detector.plan(),
-            _ => self.detector.plan(),
-        }
+        let is_search = self.last.list.is_none_or(|stats| stats.rebuilt.is_some());
+        self.last.plan.as_ref().filter(|_| is_search).map(|plan| plan.cost())
     }
 
     /// Returns the submissions of the last finished call.
     pub fn submissions(&self) -> SubmissionCounts {
-        self.last_counts
+        self.last.counts
     }
 
     /// Returns the outcome of the last finished call.
     pub fn outcome(&self) -> &Outcome {
-        &self.last
+        &self.last.outcome
     }
 
     /// Returns the times of the last finished call, summed over its submissions: GPU phases if available, and host
     /// waits.
     pub fn timings(&self) -> &[PhaseTime] {
-        &self.timings
+        &self.last.timings
     }
 
     /// Returns the bytes of device memory for calls of up to `spheres` spheres, with input and readback.
@@ -226,8 +198,9 @@ impl GpuSession {
 
     /// Returns the bytes of input and staging buffers.
     pub fn held_bytes(&self) -> u64 {
-        let staging = self.pending.iter().flatten().map(|pending| pending.staging.size());
-        self.call_buffers.iter().map(CallBuffers::device_bytes).chain(staging).sum()
+        let pending = self.slots.iter().filter_map(|slot| slot.pending.as_ref());
+        let staging = pending.map(|pending| pending.staging.size());
+        self.slots.iter().map(|slot| slot.buffers.device_bytes()).chain(staging).sum()
     }
 
     /// Uploads the spheres and starts the detection, without waiting.
@@ -253,27 +226,29 @@ impl GpuSession {
     }
 
     pub(crate) fn begin_as(&mut self, call: QueuedCall, spheres: Spheres<'_>) -> Result<Ticket, Error> {
-        for (pending, ticket) in self.pending.iter_mut().zip(&self.tickets) {
-            if ticket.strong_count() == 0 {
-                *pending = None;
-            }
+        for slot in self.slots.iter_mut().filter(|slot| slot.is_abandoned()) {
+            slot.pending = None;
         }
-        let call_index = |number: u64| number as usize % MAX_IN_FLIGHT;
         let mut numbers = self.next_number..self.next_number + MAX_IN_FLIGHT as u64;
-        let Some(number) = numbers.find(|&number| self.pending[call_index(number)].is_none()) else {
+        let Some(number) = numbers.find(|&number| self.slot(number).pending.is_none()) else {
             return Err(Error::TooManyInFlight { calls: MAX_IN_FLIGHT });
         };
-        self.call_buffers[call_index(number)]
-            .upload(&self.gpu, spheres)
-            .map_err(|error| self.gpu.reason(error))?;
         let window = call.window.clone();
-        self.calls[call_index(number)] = call;
-        self.counts[call_index(number)] = SubmissionCounts::default();
+        let may_use_candidates = call.may_use_candidates && self.has_skin(number);
+        let slot = &mut self.slots[CallSlot::index_of(number)];
+        slot.buffers.upload(&self.gpu, spheres).map_err(|error| self.gpu.reason(error))?;
+        slot.set_call(QueuedCall { may_use_candidates, ..call });
         self.submit(number, Submission::Full(window))?;
         self.next_number = number + 1;
-        let held = Arc::new(());
-        self.tickets[call_index(number)] = Arc::downgrade(&held);
-        Ok(Ticket { number, held })
+        Ok(self.slot_mut(number).new_ticket(number))
+    }
+
+    fn slot(&self, number: u64) -> &CallSlot {
+        &self.slots[CallSlot::index_of(number)]
+    }
+
+    fn slot_mut(&mut self, number: u64) -> &mut CallSlot {
+        &mut self.slots[CallSlot::index_of(number)]
     }
 
     /// Waits for a call and returns its pairs, unordered.
@@ -299,18 +274,23 @@ impl GpuSession {
     /// # Errors
     /// [`Error::ForeignTicket`], or an error of the device.
     pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, Error> {
-        let window = self.window_of(&ticket)?;
-        self.forget_last();
+        let window = self.begin_finish(&ticket)?;
         pollster::block_on(self.finish_with_retries(ticket.number, window, Wait::Blocking))
             .map(|outcome| outcome.found())
     }
 
-    fn window_of(&self, ticket: &Ticket) -> Result<Range<u32>, Error> {
-        let index = ticket.number as usize % MAX_IN_FLIGHT;
-        match std::ptr::eq(self.tickets[index].as_ptr(), Arc::as_ptr(&ticket.held)) {
-            true => Ok(self.calls[index].window.clone()),
-            false => Err(Error::ForeignTicket),
+    /// Returns the window of the call, and begins its report.
+    fn begin_finish(&mut self, ticket: &Ticket) -> Result<Range<u32>, Error> {
+        let slot = self.slot(ticket.number);
+        if !slot.has_ticket(ticket) {
+            return Err(Error::ForeignTicket);
         }
+        let window = slot.call.window.clone();
+        self.pairs.clear();
+        let mut timings = std::mem::take(&mut self.last.timings);
+        timings.clear();
+        self.last = LastCall { timings, ..LastCall::default() };
+        Ok(window)
     }
 
     /// Passes the pairs of a call to `consume` in parts by ascending smaller index, unordered within a part. The output
@@ -323,8 +303,7 @@ impl GpuSession {
         ticket: Ticket,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        let window = self.window_of(&ticket)?;
-        self.forget_last();
+        let window = self.begin_finish(&ticket)?;
         let outcome = pollster::block_on(self.finish_with_retries(ticket.number, window, Wait::Blocking))?;
         let found = outcome.found();
         let is_read = found == self.pairs.len() as u64
@@ -337,8 +316,7 @@ impl GpuSession {
     }
 
     async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), Error> {
-        let (number, window) = (ticket.number, self.window_of(&ticket)?);
-        self.forget_last();
+        let (number, window) = (ticket.number, self.begin_finish(&ticket)?);
         let mut found = self.finish_with_retries(number, window.clone(), wait).await?.found();
         if found > limit {
             self.pairs.clear();
@@ -368,12 +346,6 @@ impl GpuSession {
         }
     }
 
-    fn forget_last(&mut self) {
-        self.pairs.clear();
-        self.timings.clear();
-        self.candidate_list_stats = None;
-    }
-
     fn capacity(&self) -> u32 {
         self.detector.pair_capacity()
     }
@@ -384,7 +356,7 @@ impl GpuSession {
     }
 
     fn time(&mut self, name: &'static str, time: Duration) {
-        PhaseTime::add(&mut self.timings, name, time);
+        PhaseTime::add(&mut self.last.timings, name, time);
     }
 
     pub(crate) fn pairs_mut(&mut self) -> &mut Vec<Pair> {
@@ -392,5 +364,7 @@ impl GpuSession {
     }
 }
 
+#[cfg(test)]
+mod in_flight_tests;
 #[cfg(test)]
 mod tests;

@@ -3,12 +3,17 @@ use std::ops::{ControlFlow, Range};
 use lazygrid_kernels::layout::Outcome;
 use lazygrid_kernels::{Algorithm, Pair, try_reserve};
 
+use super::GpuSession;
+use super::call::Submitted;
+use super::skin::PAUSE;
 use super::submission::Submission;
-use super::{GpuSession, MAX_IN_FLIGHT};
 use crate::Error;
 use crate::gpu::config::GpuConfig;
 use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot, GpuOutput};
 use crate::gpu::device::Wait;
+
+/// Parts of a candidate search in crowded cells above which a list has too many candidates to be worthwhile.
+const MAX_DEFERRED_PARTS: u32 = 4096;
 
 impl AlgorithmChoice {
     /// Returns a coarser grid; after the coarsest a single level at the `configured` cell ratio, for coincident
@@ -31,21 +36,20 @@ impl GpuSession {
         wait: Wait,
     ) -> Result<Outcome, Error> {
         loop {
-            let uses_candidates = self.pending[number as usize % MAX_IN_FLIGHT]
-                .as_ref()
-                .is_some_and(|pending| pending.uses_candidates);
+            let submitted = self.slot(number).pending.as_ref().map(|pending| pending.submitted);
             let outcome = self.wait(number, wait).await.map_err(|error| self.gpu.reason(error))?;
-            self.last = outcome;
-            self.last_counts = self.counts[number as usize % MAX_IN_FLIGHT];
-            if uses_candidates && outcome.overflow & !Outcome::OVERFLOW_PAIRS != 0 {
+            let overflow = outcome.overflow & !Outcome::OVERFLOW_PAIRS;
+            if let Some(Submitted::CandidateSearch { skin }) = submitted
+                && overflow != 0
+            {
                 self.pairs.clear();
-                self.retry_for_candidates(number, window.clone(), &outcome)?;
-            } else if outcome.overflow & Outcome::OVERFLOW_LAYOUT != 0 {
+                self.retry_for_candidates(number, window.clone(), skin, &outcome)?;
+            } else if overflow & Outcome::OVERFLOW_LAYOUT != 0 {
                 log::debug!("the cells of an earlier call do not suit the spheres: retrying with new cells");
                 self.pairs.clear();
-                self.calls[number as usize % MAX_IN_FLIGHT].reuses_layout = false;
+                self.slot_mut(number).call.reuses_layout = false;
                 self.submit(number, Submission::Full(window.clone()))?;
-            } else if outcome.overflow & Outcome::OVERFLOW_ENTRIES != 0 {
+            } else if overflow & Outcome::OVERFLOW_ENTRIES != 0 {
                 self.pairs.clear();
                 self.retry_for_entries(number, window.clone(), outcome.entries_needed())?;
             } else if !outcome.has_remaining_work() {
@@ -53,53 +57,84 @@ impl GpuSession {
             } else {
                 // The last part delivers all pairs.
                 self.pairs.clear();
-                let work = match self.is_submitted(number) {
-                    true => Submission::Continuation,
-                    // A later call has overwritten the buffers.
-                    false => Submission::Full(window.clone()),
+                let work = match self.output_of(number) {
+                    Some(output) => Submission::Continuation(output),
+                    None => Submission::Full(window.clone()),
                 };
                 self.submit(number, work)?;
             }
         }
     }
 
-    fn is_submitted(&self, number: u64) -> bool {
-        self.submitted.as_ref().is_some_and(|(submitted, _)| *submitted == number)
+    /// Returns the output of the call, unless a later submission may have overwritten it.
+    fn output_of(&self, number: u64) -> Option<GpuOutput> {
+        let (submitted, output) = self.submitted.as_ref()?;
+        (*submitted == number).then(|| output.clone())
     }
 
-    /// Returns `false` if the output no longer holds all pairs.
+    /// Returns `false` if no output holds all pairs.
     pub(super) async fn copy_pairs(&mut self, number: u64, found: u64, wait: Wait) -> Result<bool, Error> {
-        let holds_all = |(submitted, output): &(u64, GpuOutput)| {
-            *submitted == number && found <= u64::from(output.capacity)
-        };
-        if !self.submitted.as_ref().is_some_and(holds_all) {
+        let Some(output) = self.output_of(number).filter(|output| found <= output.capacity.into()) else {
             return Ok(false);
-        }
+        };
         self.pairs.clear();
         let expected = std::mem::replace(&mut self.expected, found.next_power_of_two());
-        self.submit(number, Submission::Copy).inspect_err(|_| self.expected = expected)?;
-        self.last = self.wait(number, wait).await.map_err(|error| self.gpu.reason(error))?;
-        self.last_counts = self.counts[number as usize % MAX_IN_FLIGHT];
+        self.submit(number, Submission::Copy(output)).inspect_err(|_| self.expected = expected)?;
+        self.wait(number, wait).await.map_err(|error| self.gpu.reason(error))?;
         Ok(true)
     }
 
+    /// Retries a search with a candidate list of skin `used`.
+    fn retry_for_candidates(
+        &mut self,
+        number: u64,
+        window: Range<u32>,
+        used: f32,
+        outcome: &Outcome,
+    ) -> Result<(), Error> {
+        let (largest, needed) = (self.largest_capacity(), outcome.candidates_needed());
+        let parts = self.last.plan.as_ref().map_or(1, |plan| plan.deferred_parts_for(outcome)).max(1);
+        // The list of an earlier skin does not affect that of the current one.
+        let skin = self.skin.as_mut().map(|skin| &mut skin.detector).filter(|skin| skin.skin() == used);
+        let Some(skin) = skin else { return self.submit(number, Submission::Full(window)) };
+        if outcome.overflow & Outcome::OVERFLOW_WORK != 0 && parts <= MAX_DEFERRED_PARTS {
+            log::info!("the search for candidates exceeds a dispatch: retrying in {parts} parts");
+            skin.set_deferred_parts(parts.max(skin.deferred_parts()));
+            return self.submit(number, Submission::Full(window));
+        }
+        let before = skin.candidate_capacity();
+        if outcome.overflow & !Outcome::OVERFLOW_PAIRS == Outcome::OVERFLOW_CANDIDATES && needed <= largest {
+            skin.set_candidate_capacity(before.max((needed + needed / 8).min(largest) as u32));
+            log::info!("{needed} candidates do not fit: retrying with more capacity");
+            let submitted = self.submit(number, Submission::Full(window));
+            if !self.uses_candidates(number)
+                && let Some(skin) = &mut self.skin
+            {
+                skin.detector.set_candidate_capacity(before);
+            }
+            return submitted;
+        }
+        log::info!("{needed} candidates do not fit: searching without a list for {PAUSE} calls");
+        self.pause_skin(number);
+        self.submit(number, Submission::Full(window))
+    }
+
     fn retry_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), Error> {
-        let (index, before) = (number as usize % MAX_IN_FLIGHT, self.detector.capacities());
-        if self.detector.raise_entry_capacity(entries, self.call_buffers[index].count) {
+        let (before, spheres) = (self.detector.capacities(), self.slot(number).buffers.count);
+        if self.detector.raise_entry_capacity(entries, spheres) {
             log::info!("{entries} entries do not fit: retrying with more capacity");
             return self.submit_with_capacity(number, window, before);
         }
-        // The detector's plan may be that of a later call.
-        let (choice, spheres) = (self.calls[index].choice, self.call_buffers[index].count);
+        let choice = self.slot(number).call.choice;
         let (ran, _) = self.detector.settings().chosen(choice.algorithm, spheres);
         let Some(choice) = choice.with_fewer_entries(ran, self.requested.cell_ratio) else {
-            let limit = self.detector.plan().map_or(0, |plan| plan.entries.into());
+            let limit = self.detector.most_entries();
             let (what, remedy) = ("the number of (cell, object) entries", "split the spheres");
             return Err(Error::LimitExceeded { what, needed: entries, limit, remedy });
         };
         let AlgorithmChoice { algorithm, cell_ratio } = choice;
         log::info!("{entries} entries do not fit: retrying as {algorithm} with cell ratio {cell_ratio}");
-        self.calls[index].choice = choice;
+        self.slot_mut(number).call.choice = choice;
         self.submit(number, Submission::Full(window))
     }
 
@@ -158,9 +193,9 @@ impl GpuSession {
         wait: Wait,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        let index = number as usize % MAX_IN_FLIGHT;
-        let Range { start, end: last } = self.calls[index].window;
-        let count = last.min(self.call_buffers[index].count);
+        let (slot, whole) = (self.slot(number), self.last.outcome);
+        let Range { start, end: last } = slot.call.window;
+        let count = last.min(slot.buffers.count);
         let mut capacity = u64::from(self.capacity());
         self.expected = capacity;
         let mut width = (u64::from(count) * capacity / found.max(1)).clamp(1, u64::from(count)) as u32;
@@ -195,6 +230,7 @@ impl GpuSession {
                 break;
             }
         }
+        self.last.outcome = whole;
         Ok(())
     }
 }

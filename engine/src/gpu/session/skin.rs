@@ -1,28 +1,52 @@
-use std::ops::Range;
-
 use lazygrid_host::{CandidateListStats, RebuildReason};
-use lazygrid_kernels::layout::{Outcome, SkinState};
+use lazygrid_kernels::layout::SkinState;
 
-use super::submission::Submission;
-use super::{GpuSession, MAX_IN_FLIGHT};
+use super::GpuSession;
 use crate::Error;
-use crate::gpu::detector::GpuSkinDetector;
+use crate::gpu::detector::{GpuSkinDetector, displacement_fraction};
+use crate::gpu::plan::WorkBudget;
 
 /// Calls without a list after a list that did not fit; an attempt costs about as much as one of them.
-const PAUSE: u64 = 16;
+pub(super) const PAUSE: u64 = 16;
 /// Upper bound of the distance tests per candidate of a new list, unless some spheres are much denser than others.
-const TESTS_PER_CANDIDATE: u64 = 16;
-/// Parts of a candidate search in crowded cells above which a list has too many candidates to be worthwhile.
-const MAX_DEFERRED_PARTS: u32 = 4096;
+const TESTS_PER_CANDIDATE: f64 = 16.0;
 
 #[derive(Debug)]
 pub(super) struct SkinSession {
     pub(super) detector: GpuSkinDetector,
     /// First call that may use a list.
     from: u64,
-    candidates: Option<u64>,
-    age: u32,
-    last_rebuild: (u32, f32),
+    candidates_per_sphere: Option<f64>,
+}
+
+/// The calls that use candidate lists, counted from 1 over all skins.
+#[derive(Debug, Default)]
+pub(super) struct ListCalls {
+    begun: u32,
+    /// Latest call that is known to have built a list.
+    built_by: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ListCall {
+    number: u32,
+    /// [`ListCalls::built_by`] when the call began.
+    built_by: u32,
+}
+
+impl ListCalls {
+    pub(super) fn begin(&mut self) -> ListCall {
+        self.begun = self.begun.saturating_add(1);
+        ListCall { number: self.begun, built_by: self.built_by }
+    }
+}
+
+impl SkinSession {
+    /// Returns `true` if a rebuild may be long: its parts are then submitted one by one.
+    pub(super) fn is_long_search(&self, spheres: u32, budget: WorkBudget) -> bool {
+        let tests = |candidates: f64| candidates * f64::from(spheres) * TESTS_PER_CANDIDATE;
+        self.candidates_per_sphere.is_none_or(|candidates| tests(candidates) > budget.tests as f64)
+    }
 }
 
 impl GpuSession {
@@ -34,13 +58,7 @@ impl GpuSession {
     pub fn set_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         let keeping = |distance| {
             let detector = self.with_skin(distance)?;
-            Ok::<_, Error>(SkinSession {
-                detector,
-                from: 0,
-                candidates: None,
-                age: 0,
-                last_rebuild: (0, 0.0),
-            })
+            Ok::<_, Error>(SkinSession { detector, from: 0, candidates_per_sphere: None })
         };
         self.skin = distance.map(keeping).transpose()?;
         Ok(())
@@ -49,14 +67,17 @@ impl GpuSession {
     pub(crate) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
-            (Some(skin), Some(distance)) => skin.detector.set_skin(distance),
+            (Some(skin), Some(distance)) => {
+                skin.candidates_per_sphere = None;
+                skin.detector.set_skin(distance)
+            }
             _ => self.set_skin(distance),
         }
     }
 
-    /// Returns the list's age when the last call began, and the used fraction of the displacement limit.
+    /// Returns the list's age when the last finished call began, and the used fraction of the displacement limit.
     pub(crate) fn last_rebuild(&self) -> (u32, f32) {
-        self.skin.as_ref().map_or((0, 0.0), |skin| skin.last_rebuild)
+        self.last.previous_list
     }
 
     fn with_skin(&self, distance: f32) -> Result<GpuSkinDetector, Error> {
@@ -74,86 +95,58 @@ impl GpuSession {
         Ok(self.io_memory(spheres) + self.detector.memory_for(spheres)? + candidates)
     }
 
-    /// Returns `true` if a rebuild may be long: its parts are then submitted one by one.
-    pub(super) fn is_long_search(&self) -> bool {
-        let tests =
-            |skin: &SkinSession| skin.candidates.map(|count| count.saturating_mul(TESTS_PER_CANDIDATE));
-        self.skin.as_ref().and_then(tests).is_none_or(|tests| tests > self.detector.budget().tests)
+    /// Returns `true` if a call that begins now may use a candidate list.
+    pub(super) fn has_skin(&self, number: u64) -> bool {
+        self.skin.as_ref().is_some_and(|skin| number >= skin.from)
     }
 
     pub(super) fn uses_candidates(&self, number: u64) -> bool {
-        let is_allowed = self.calls[number as usize % MAX_IN_FLIGHT].may_use_candidates;
-        self.skin.as_ref().is_some_and(|skin| is_allowed && number >= skin.from)
+        self.skin.is_some() && self.slot(number).call.may_use_candidates
     }
 
+    /// Lets the call and those that begin soon search without a list.
     pub(super) fn pause_skin(&mut self, number: u64) {
+        self.slot_mut(number).call.may_use_candidates = false;
         if let Some(skin) = &mut self.skin {
             skin.from = number + PAUSE;
         }
-        self.candidate_list_stats = None;
     }
 
     /// Returns the candidate list of the last finished call; `None` if the call searched.
     pub fn candidate_list_stats(&self) -> Option<CandidateListStats> {
-        self.candidate_list_stats
+        self.last.list
     }
 
-    /// A retried call rebuilt the list if one of its submissions did.
-    pub(super) fn record_state(&mut self, state: &SkinState) {
-        let Some(skin) = &mut self.skin else { return };
-        skin.candidates = Some(state.candidates.into());
+    /// Reports the list of a submission with that skin. A retried call rebuilt the list if one of its submissions did.
+    pub(super) fn record_state(&mut self, number: u64, distance: f32, state: &SkinState) {
+        let slot = self.slot(number);
+        let (spheres, Some(call)) = (slot.buffers.count, slot.list) else { return };
+        if let Some(skin) = self.skin.as_mut().filter(|skin| skin.detector.skin() == distance) {
+            skin.candidates_per_sphere = Some(f64::from(state.candidates) / f64::from(spheres.max(1)));
+        }
         let rebuilt = match state.rebuild_reason {
             0 => None,
             SkinState::DISPLACEMENT => Some(RebuildReason::Displacement),
             SkinState::INPUT_CHANGED => Some(RebuildReason::InputChanged),
             _ => Some(RebuildReason::NoList),
         };
-        let before = self.candidate_list_stats.take();
+        let before = self.last.list.take();
         let mut stats = CandidateListStats::default();
         stats.count = state.candidates.into();
         stats.rebuilt = before.and_then(|stats| stats.rebuilt).or(rebuilt);
         if before.is_none() {
-            skin.last_rebuild =
-                (skin.age.saturating_add(1), skin.detector.displacement_fraction(state.last_displacement));
+            let fraction = displacement_fraction(state.last_displacement, distance);
+            self.last.previous_list = (call.number - call.built_by, fraction);
         }
-        skin.age = match (stats.rebuilt, before) {
-            (Some(_), _) => 0,
-            (None, Some(_)) => skin.age,
-            (None, None) => skin.age.saturating_add(1),
+        let (previous_age, fraction) = self.last.previous_list;
+        (stats.age, stats.displacement_fraction) = match (stats.rebuilt, before) {
+            (Some(_), _) => (0, 0.0),
+            (None, Some(before)) => (before.age, fraction),
+            // The device also knows a list that an unfinished call built, but counts submissions.
+            (None, None) => (previous_age.min(state.age), fraction),
         };
-        stats.age = skin.age;
-        stats.displacement_fraction = if stats.rebuilt.is_some() { 0.0 } else { skin.last_rebuild.1 };
-        self.candidate_list_stats = Some(stats);
-    }
-
-    pub(super) fn retry_for_candidates(
-        &mut self,
-        number: u64,
-        window: Range<u32>,
-        outcome: &Outcome,
-    ) -> Result<(), Error> {
-        let (largest, needed) = (self.largest_capacity(), outcome.candidates_needed());
-        let Some(skin) = &mut self.skin else { return self.submit(number, Submission::Full(window)) };
-        let parts = skin.detector.needed_deferred_parts(outcome);
-        if outcome.overflow & Outcome::OVERFLOW_WORK != 0 && parts <= MAX_DEFERRED_PARTS {
-            log::info!("the search for candidates exceeds a dispatch: retrying in {parts} parts");
-            skin.detector.set_deferred_parts(parts);
-            return self.submit(number, Submission::Full(window));
-        }
-        let before = skin.detector.candidate_capacity();
-        if outcome.overflow & !Outcome::OVERFLOW_PAIRS == Outcome::OVERFLOW_CANDIDATES && needed <= largest {
-            skin.detector.set_candidate_capacity((needed + needed / 8).min(largest) as u32);
-            log::info!("{needed} candidates do not fit: retrying with more capacity");
-            self.submit(number, Submission::Full(window))?;
-            if !self.uses_candidates(number)
-                && let Some(skin) = &mut self.skin
-            {
-                skin.detector.set_candidate_capacity(before);
-            }
-            return Ok(());
-        }
-        log::info!("{needed} candidates do not fit: searching without a list for {PAUSE} calls");
-        self.pause_skin(number);
-        self.submit(number, Submission::Full(window))
+        let built_by = call.number - stats.age;
+        self.list_calls.built_by = self.list_calls.built_by.max(built_by);
+        self.last.list = Some(stats);
     }
 }

@@ -1,68 +1,54 @@
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lazygrid_kernels::layout::Outcome;
 
-use super::call_buffers::{Readback, copy_to_staging, staged_pairs};
-use super::{GpuSession, MAX_IN_FLIGHT};
+use super::GpuSession;
+use super::call::{CallSlot, PendingReadback, Submitted};
+use super::call_buffers::{Readback, copy_to_staging};
+use super::layout_reuse::LayoutReuse;
+use super::skin::SkinSession;
 use crate::Error;
-use crate::gpu::detector::GpuSpheres;
+use crate::gpu::detector::{GpuDetector, GpuOutput};
 use crate::gpu::device::{GpuDevice, Mapping, Wait, with_error_scope};
-use crate::gpu::plan::GpuPhase;
+use crate::gpu::plan::Plan;
 
-/// Numbers of submissions of a call.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct SubmissionCounts {
-    /// Searches, including retries.
-    pub searches: u32,
-    /// Searches that reused an earlier call's cells.
-    pub reused_layouts: u32,
-    /// Command buffers of searches and continuations.
-    pub parts: u32,
-    /// Copies of pairs that a search left on the device.
-    pub copies: u32,
-}
-
-#[derive(Debug)]
-pub(super) struct PendingReadback {
-    pub(super) number: u64,
-    device: wgpu::Device,
-    pub(super) submission: wgpu::SubmissionIndex,
-    pub(super) staging: wgpu::Buffer,
-    mapping: Mapping,
-    staged: u64,
-    capacity: u32,
-    timed: &'static [GpuPhase],
-    /// If `true`, the list's state replaces the ticks.
-    pub(super) uses_candidates: bool,
-    has_reused: Option<bool>,
-}
-
+/// Work of a call. A continuation and a copy need the output that the call left on the device.
 #[derive(Clone, Debug)]
 pub(super) enum Submission {
     Full(Range<u32>),
-    Continuation,
-    Copy,
+    Continuation(GpuOutput),
+    Copy(GpuOutput),
 }
 
-impl Drop for PendingReadback {
-    fn drop(&mut self) {
-        // A lost device has nothing to unmap.
-        let _ = with_error_scope(&self.device, "unmapping", 0, || self.staging.unmap());
-    }
+struct Encoder<'a> {
+    gpu: &'a GpuDevice,
+    commands: wgpu::CommandEncoder,
+}
+
+#[derive(Debug)]
+struct Encoded {
+    submitted: Submitted,
+    output: GpuOutput,
+    /// The ticks, or the state of the candidate list.
+    details: Option<wgpu::Buffer>,
+    /// `Some` for a search.
+    plan: Option<Arc<Plan>>,
 }
 
 impl GpuSession {
     pub(super) fn submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
-        let uses_candidates = self.uses_candidates(number);
+        let is_search = matches!(work, Submission::Full(_));
         let submitted = match self.try_submit(number, work.clone()) {
             Err(error @ (Error::DeviceOutOfMemory { .. } | Error::LimitExceeded { .. }))
-                if uses_candidates =>
+                if is_search && self.uses_candidates(number) =>
             {
-                log::info!("the device cannot hold the candidates: {error}");
-                self.pause_skin(number);
-                self.try_submit(number, work)
+                self.slot_mut(number).call.may_use_candidates = false;
+                self.try_submit(number, work).inspect(|()| {
+                    log::info!("the device cannot hold the candidates: {error}");
+                    self.pause_skin(number);
+                })
             }
             submitted => submitted,
         };
@@ -70,113 +56,56 @@ impl GpuSession {
     }
 
     fn try_submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
-        let at = number as usize % MAX_IN_FLIGHT;
-        let may_use_candidates = self.uses_candidates(number);
-        let is_long_search = self.is_long_search();
-        let Self { gpu, detector, layouts, skin, call_buffers, calls, expected, counts, .. } = self;
-        let count = &mut counts[at];
-        let (choice, split, may_reuse) = (calls[at].choice, calls[at].split, calls[at].reuses_layout);
-        let buffers = &mut call_buffers[at];
-        let capacity = detector.pair_capacity();
-        let staged = (*expected).min(capacity.into());
-        let staging = buffers.staging(gpu, staged)?;
-        let Some(spheres) = buffers.spheres.clone() else { return Ok(()) };
-        let mut encoder = new_encoder(gpu)?;
-        let skin = skin.as_mut().filter(|_| may_use_candidates).map(|skin| &mut skin.detector);
-        let timed: &[GpuPhase] = match work {
-            _ if detector.ticks().is_none() || skin.is_some() => &[],
-            Submission::Full(_) => GpuPhase::ALL,
-            Submission::Continuation => &[GpuPhase::Search],
-            Submission::Copy => &[],
+        let Self { gpu, detector, layouts, skin, slots, .. } = self;
+        let gpu = &*gpu;
+        let slot = &mut slots[CallSlot::index_of(number)];
+        let capacity = match &work {
+            Submission::Copy(output) => output.capacity,
+            Submission::Full(_) | Submission::Continuation(_) => detector.pair_capacity(),
         };
-        let uses_candidates = skin.is_some() && !matches!(work, Submission::Copy);
-        let searches = skin.is_none() && matches!(work, Submission::Full(_));
+        let staged = self.expected.min(capacity.into());
+        let staging = slot.buffers.staging(gpu, staged)?;
+        let mut encoder = Encoder { gpu, commands: new_encoder(gpu)? };
         // After this, also after an error, no earlier call can be continued.
-        let before = self.submitted.take();
-        let (found, details) = match (work, skin) {
-            (Submission::Full(window), skin) => {
-                let species = buffers.species().filter(|_| detector.has_interactions()).map(Into::into);
-                let mut input = GpuSpheres::new(&spheres, buffers.count).in_window(window);
-                input.species = species;
-                input = if split > 0 { input.across(split) } else { input };
-                count.searches += 1;
-                match skin {
-                    Some(skin) => {
-                        skin.set_pair_capacity(capacity);
-                        let found = skin.bind_as(choice, &input)?;
-                        let parts = skin.parts();
-                        if is_long_search {
-                            count.parts += parts;
-                            encode_parts(gpu, &mut encoder, parts, |encoder, part| {
-                                skin.encode_part(encoder, part)
-                            })?;
-                        } else {
-                            count.parts += 1;
-                            (0..parts).for_each(|part| skin.encode_part(&mut encoder, part));
-                        }
-                        (Some(found), skin.state())
-                    }
-                    None => {
-                        let found = detector.bind_as(choice, &input, layouts.source(may_reuse))?;
-                        count.reused_layouts += u32::from(detector.reuses_layout());
-                        count.parts += detector.parts();
-                        encode_parts(gpu, &mut encoder, detector.parts(), |encoder, part| {
-                            detector.encode_part(encoder, part)
-                        })?;
-                        (Some(found), detector.ticks())
-                    }
-                }
+        self.submitted = None;
+        let skin = skin.as_mut().filter(|_| slot.call.may_use_candidates);
+        let Encoded { submitted, output, details, plan } = match (work, skin) {
+            (Submission::Full(window), Some(skin)) => {
+                slot.list.get_or_insert_with(|| self.list_calls.begin());
+                slot.encode_candidate_search(&mut encoder, &window, skin, detector)?
             }
-            (Submission::Continuation, _) => {
-                detector.encode_continuation(&mut encoder);
-                count.parts += 1;
-                (detector.output(), detector.ticks())
+            (Submission::Full(window), None) => {
+                slot.encode_search(&mut encoder, &window, detector, layouts)?
             }
-            (Submission::Copy, _) => {
-                count.copies += 1;
-                (before.map(|(_, output)| output), None)
-            }
+            (Submission::Continuation(output), _) => slot.encode_continuation(&mut encoder, output, detector),
+            (Submission::Copy(output), _) => slot.copy(output),
         };
-        let staged = staged.min(staged_pairs(&staging));
-        if let Some(found) = &found {
-            copy_to_staging(
-                &mut encoder,
-                [Some(&found.outcome), details, Some(&found.pairs)],
-                &staging,
-                staged,
-            );
-        }
-        buffers.lend_staging();
+        let staged = staged.min(output.capacity.into());
+        copy_to_staging(
+            &mut encoder.commands,
+            [Some(&output.outcome), details.as_ref(), Some(&output.pairs)],
+            &staging,
+            staged,
+        );
+        slot.buffers.lend_staging();
         let (submission, mapping) = with_error_scope(&gpu.device, "a call", 0, || {
-            (gpu.queue.submit([encoder.finish()]), Mapping::request(&staging))
+            (gpu.queue.submit([encoder.commands.finish()]), Mapping::request(&staging))
         })?;
         gpu.check_lost()?;
-        if searches {
+        if let Submitted::Search { .. } = submitted {
             detector.note_submitted();
         }
         let device = gpu.device.clone();
-        let pending = PendingReadback {
-            number,
-            device,
-            submission,
-            staging,
-            mapping,
-            staged,
-            capacity,
-            timed,
-            uses_candidates,
-            has_reused: searches.then(|| detector.reuses_layout()),
-        };
-        self.submitted = found.map(|found| (number, found));
-        self.pending[at] = Some(pending);
+        slot.pending =
+            Some(PendingReadback { device, submission, staging, mapping, staged, submitted, plan });
+        self.submitted = Some((number, output));
         Ok(())
     }
 
     pub(super) async fn wait(&mut self, number: u64, wait: Wait) -> Result<Outcome, Error> {
-        let pending = self.pending[number as usize % MAX_IN_FLIGHT].take();
-        let Some(pending) = pending.filter(|pending| pending.number == number) else {
-            return Err(Error::TooManyInFlight { calls: MAX_IN_FLIGHT });
-        };
+        let slot = &mut self.slots[CallSlot::index_of(number)];
+        self.last.counts = slot.counts;
+        let mut pending = slot.pending.take().ok_or(Error::ForeignTicket)?;
         let start = Instant::now();
         let submission = Some(pending.submission.clone());
         let finished = pending.mapping.finished(&self.gpu.device, submission, self.timeout, wait).await;
@@ -187,29 +116,94 @@ impl GpuSession {
         let view = pending.mapping.view()?;
         let returned = Readback(&view);
         let outcome = returned.outcome()?;
-        if outcome.found() <= pending.staged.min(pending.capacity.into()) {
+        if outcome.found() <= pending.staged {
             returned.append_pairs(outcome.found() as usize, &mut self.pairs)?;
         }
-        let state = pending.uses_candidates.then(|| returned.state());
-        if !pending.timed.is_empty() {
-            let (period, ticks) = (f64::from(self.gpu.queue.get_timestamp_period()) * 1e-9, returned.ticks());
-            for phase in pending.timed {
-                let [begin, end] = ticks[*phase as usize];
+        if self.detector.ticks().is_some() {
+            let period = f64::from(self.gpu.queue.get_timestamp_period()) * 1e-9;
+            for &phase in pending.submitted.timed_phases() {
+                let [begin, end] = returned.ticks(phase);
                 self.time(phase.name(), Duration::from_secs_f64(end.saturating_sub(begin) as f64 * period));
             }
         }
-        if let Some(has_reused) = pending.has_reused {
-            self.layouts.record(has_reused, &outcome);
+        self.last.outcome = outcome;
+        match pending.submitted {
+            Submitted::Search { reuses_layout } => {
+                self.layouts.record(reuses_layout, &outcome);
+                self.last.list = None;
+            }
+            Submitted::CandidateSearch { skin } => self.record_state(number, skin, &returned.state()),
+            Submitted::Continuation | Submitted::Copy => {}
         }
         drop(view);
+        if let Some(plan) = pending.plan.take() {
+            self.last.plan = Some(plan);
+        }
         let staging = pending.staging.clone();
         drop(pending);
-        self.call_buffers[number as usize % MAX_IN_FLIGHT].return_staging(staging);
-        if let Some(state) = state {
-            self.record_state(&state);
-        }
+        self.slot_mut(number).buffers.return_staging(staging);
         self.time("read", start.elapsed());
         Ok(outcome)
+    }
+}
+
+impl CallSlot {
+    fn encode_search(
+        &mut self,
+        encoder: &mut Encoder<'_>,
+        window: &Range<u32>,
+        detector: &mut GpuDetector,
+        layouts: &LayoutReuse,
+    ) -> Result<Encoded, Error> {
+        let input = self.input(window, detector.has_interactions())?;
+        let output = detector.bind_as(self.call.choice, &input, layouts.source(self.call.reuses_layout))?;
+        let (parts, reuses_layout) = (detector.parts(), detector.reuses_layout());
+        encoder.encode_parts(parts, |commands, part| detector.encode_part(commands, part))?;
+        self.counts.searches += 1;
+        self.counts.parts += parts;
+        self.counts.reused_layouts += u32::from(reuses_layout);
+        let (details, plan) = (detector.ticks().cloned(), detector.plan().cloned());
+        Ok(Encoded { submitted: Submitted::Search { reuses_layout }, output, details, plan })
+    }
+
+    fn encode_candidate_search(
+        &mut self,
+        encoder: &mut Encoder<'_>,
+        window: &Range<u32>,
+        skin: &mut SkinSession,
+        settings: &GpuDetector,
+    ) -> Result<Encoded, Error> {
+        skin.detector.set_pair_capacity(settings.pair_capacity());
+        let output =
+            skin.detector.bind_as(self.call.choice, &self.input(window, settings.has_interactions())?)?;
+        let parts = skin.detector.parts();
+        if skin.is_long_search(self.buffers.count, settings.budget()) {
+            self.counts.parts += parts;
+            encoder.encode_parts(parts, |commands, part| skin.detector.encode_part(commands, part))?;
+        } else {
+            self.counts.parts += 1;
+            (0..parts).for_each(|part| skin.detector.encode_part(&mut encoder.commands, part));
+        }
+        self.counts.searches += 1;
+        let submitted = Submitted::CandidateSearch { skin: skin.detector.skin() };
+        let (details, plan) = (skin.detector.state().cloned(), skin.detector.plan().cloned());
+        Ok(Encoded { submitted, output, details, plan })
+    }
+
+    fn encode_continuation(
+        &mut self,
+        encoder: &mut Encoder<'_>,
+        output: GpuOutput,
+        detector: &GpuDetector,
+    ) -> Encoded {
+        detector.encode_continuation(&mut encoder.commands);
+        self.counts.parts += 1;
+        Encoded { submitted: Submitted::Continuation, output, details: detector.ticks().cloned(), plan: None }
+    }
+
+    fn copy(&mut self, output: GpuOutput) -> Encoded {
+        self.counts.copies += 1;
+        Encoded { submitted: Submitted::Copy, output, details: None, plan: None }
     }
 }
 
@@ -217,19 +211,21 @@ fn new_encoder(gpu: &GpuDevice) -> Result<wgpu::CommandEncoder, Error> {
     with_error_scope(&gpu.device, "an encoder", 0, || gpu.device.create_command_encoder(&Default::default()))
 }
 
-/// Encodes all parts and submits all but the last, so that no submission is long.
-fn encode_parts(
-    gpu: &GpuDevice,
-    encoder: &mut wgpu::CommandEncoder,
-    parts: u32,
-    encode: impl Fn(&mut wgpu::CommandEncoder, u32),
-) -> Result<(), Error> {
-    for part in 0..parts {
-        if part > 0 {
-            let full = std::mem::replace(encoder, new_encoder(gpu)?);
-            with_error_scope(&gpu.device, "a part of a call", 0, || gpu.queue.submit([full.finish()]))?;
+impl Encoder<'_> {
+    /// Encodes all parts and submits all but the last, so that no submission is long.
+    fn encode_parts(
+        &mut self,
+        parts: u32,
+        encode: impl Fn(&mut wgpu::CommandEncoder, u32),
+    ) -> Result<(), Error> {
+        let gpu = self.gpu;
+        for part in 0..parts {
+            if part > 0 {
+                let full = std::mem::replace(&mut self.commands, new_encoder(gpu)?);
+                with_error_scope(&gpu.device, "a part of a call", 0, || gpu.queue.submit([full.finish()]))?;
+            }
+            encode(&mut self.commands, part);
         }
-        encode(encoder, part);
+        Ok(())
     }
-    Ok(())
 }

@@ -2,8 +2,9 @@ use std::ops::ControlFlow;
 
 use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
 
+use super::call_buffers::CallBuffers;
 use super::*;
-use crate::gpu::detector::{BufferRange, GpuSkinDetector};
+use crate::gpu::detector::{BufferRange, GpuSkinDetector, GpuSpheres};
 use crate::gpu::device::device_or_skip;
 use crate::gpu::test_support::{Random, download};
 
@@ -287,12 +288,12 @@ fn abandoned_call_does_not_answer_a_later_one() {
     let other = spheres();
     let expected = finish(&mut session, &other).len() as u64;
     let abandoned = session.begin(Spheres::from(&few)).expect("begun");
-    let index = abandoned.number as usize % MAX_IN_FLIGHT;
-    let submission = session.pending[index].as_ref().expect("in flight").submission.clone();
+    let index = CallSlot::index_of(abandoned.number);
+    let submission = session.slots[index].pending.as_ref().expect("in flight").submission.clone();
     let long = session.begin(Spheres::from(&many)).expect("begun");
     drop(abandoned);
     let later = session.begin(Spheres::from(&other)).expect("begun");
-    assert_eq!(later.number as usize % MAX_IN_FLIGHT, index);
+    assert_eq!(CallSlot::index_of(later.number), index);
     // The abandoned call ends while the long one still runs.
     gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None }).expect("finished");
     session.set_timeout(Duration::ZERO);
