@@ -367,4 +367,6 @@ impl GpuSession {
 #[cfg(test)]
 mod in_flight_tests;
 #[cfg(test)]
+mod random_tests;
+#[cfg(test)]
 mod tests;
