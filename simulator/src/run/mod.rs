@@ -10,9 +10,10 @@ pub mod sweep;
 
 mod difference;
 mod disk_space;
-mod failed_step;
 pub(crate) mod memory_estimate;
 pub(crate) mod sealed;
+mod single_run;
+pub(crate) mod step_loop;
 pub(crate) mod time_step_monitor;
 
 use std::ops::ControlFlow;
@@ -22,10 +23,10 @@ use lazygrid::{Algorithm, Backend};
 
 use crate::output::append_file::FileRecord;
 use crate::output::options::Output;
-use crate::output::{self, Files, Lock, WrittenRun};
+use crate::output::{self, Files, Lock};
 use crate::run::checkpoint::Checkpoint;
-use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
-use crate::run::time_step_monitor::TimeStepMonitor;
+use crate::run::memory_estimate::Sharing;
+use crate::run::single_run::SingleRun;
 use crate::scenario::Scenario;
 use crate::{AnySimulation, Error, RunView, State};
 
@@ -79,11 +80,6 @@ impl ReplicaSlot {
     }
 }
 
-struct LastSteps {
-    recorded: u32,
-    saved: u32,
-}
-
 impl Run {
     /// Returns a run on the CPU with the default algorithm and all threads, which replaces no other run.
     pub fn new(scenario: Scenario, path: impl Into<PathBuf>, directory: impl Into<PathBuf>) -> Self {
@@ -129,59 +125,19 @@ impl Run {
     ) -> Result<(RunEnd, AnySimulation), Error> {
         self.check_formats()?;
         if slot.index == 0 {
-            self.scenario.run_warnings().iter().for_each(|message| log::warn!("{message}"));
+            self.log_warnings();
         }
-        let (mut simulation, mut files) =
-            if self.resume { self.resume_run(slot)? } else { self.begin(slot)? };
-        let mut saved = simulation.step_count();
-        let mut pace = TimeStepMonitor::default();
-        let mut memory = MemoryGuard::default();
-        let mut end = RunEnd::Finished;
-        if watch(&simulation).is_break() {
-            end = RunEnd::Stopped;
-        }
-        while end == RunEnd::Finished && simulation.step_count() < self.scenario.steps {
-            let (step, before) =
-                (simulation.step_count(), TimeStepMonitor::reaction_totals(simulation.totals()));
-            let next = self.steps_to_next(step).min(simulation.steps_at_once());
-            let present = simulation.totals().present.iter().sum();
-            let steps = step..step.saturating_add(next);
-            if let Err(error) = memory.check(simulation.model(), present, steps, slot.sharing()) {
-                if step > saved {
-                    self.save(&simulation, &mut files)?;
-                }
-                return Err(error);
-            }
-            if let Err(error) = simulation.advance(next) {
-                let last = LastSteps { recorded: step, saved };
-                return Err(self.after_failed_step(error, &simulation, &mut files, last));
-            }
-            pace.add_steps(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
-            // This output and a checkpoint need at most half of the required free space.
-            let is_last = self.is_disk_full(&simulation, slot)?;
-            files.record(&simulation)?;
-            if is_last {
-                self.save(&simulation, &mut files)?;
-                return Err(self.stopped_early(simulation.step_count()));
-            }
-            let due = |every: u32| simulation.step_count().is_multiple_of(every);
-            if self.scenario.output.checkpoint_every.is_some_and(due) {
-                self.save(&simulation, &mut files)?;
-                saved = simulation.step_count();
-            }
-            if watch(&simulation).is_break() && simulation.step_count() < self.scenario.steps {
-                end = RunEnd::Stopped;
-            }
-        }
-        if simulation.step_count() > saved {
-            self.save(&simulation, &mut files)?;
-        }
-        files.convert(simulation.model())?;
-        if slot.index == 0 {
-            let warnings = pace.warnings(simulation.model()).into_iter().chain(simulation.request_warnings());
-            warnings.for_each(|message| log::warn!("{message}"));
-        }
-        Ok((end, simulation))
+        let mut run = match self.resume {
+            true => SingleRun::resume(self, slot)?,
+            false => SingleRun::begin(self, slot)?,
+        };
+        let end = self.do_steps(&mut run, |run| watch(&run.simulation))?;
+        run.files.convert(run.simulation.model())?;
+        Ok((end, run.simulation))
+    }
+
+    pub(crate) fn log_warnings(&self) {
+        self.scenario.run_warnings().iter().for_each(|message| log::warn!("{message}"));
     }
 
     pub(crate) fn check_formats(&self) -> Result<(), Error> {
@@ -217,16 +173,6 @@ impl Run {
         left.fold(self.scenario.steps - step, u32::min)
     }
 
-    fn begin(&self, slot: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
-        let Scenario { model, seed, .. } = &self.scenario;
-        check_largest_release(model, self.scenario.steps, slot.sharing())?;
-        let simulation = AnySimulation::begin(model, *seed, self.backend, self.algorithm, None)?;
-        let mut files = self.create_files(&simulation, slot)?;
-        files.record(&simulation)?;
-        self.save(&simulation, &mut files)?;
-        Ok((simulation, files))
-    }
-
     pub(crate) fn create_files(&self, run: &impl RunView, slot: ReplicaSlot) -> Result<Files, Error> {
         let Scenario { model, seed, output, .. } = &self.scenario;
         let lock = output::prepare(&self.directory, self.overwrite)?;
@@ -236,36 +182,6 @@ impl Run {
         }
         lock.mark_begun(*seed)?;
         Files::create(&self.directory, *output, model, *seed, lock)
-    }
-
-    fn resume_run(&self, slot: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
-        let path = self.checkpoint_path();
-        let lock = self.lock()?;
-        let checkpoint = Checkpoint::read(&path)?;
-        self.check_continues(&path, &checkpoint)?;
-        let (own_scenario, backend, records) =
-            (&self.scenario, checkpoint.backend.clone(), checkpoint.files.clone());
-        let state = checkpoint.into_state(&path)?;
-        let step_count = state.step;
-        let simulation = AnySimulation::begin(
-            &own_scenario.model,
-            own_scenario.seed,
-            self.backend,
-            self.algorithm,
-            Some(state),
-        )?;
-        if backend != simulation.backend().name() {
-            self.warn_of_backends(step_count, &backend, simulation.backend());
-        }
-        self.check_disk_space(&simulation, slot)?;
-        if let Some(plots) = self.report.filter(|_| step_count < own_scenario.steps) {
-            let former = output::refuse_foreign_page(&self.directory)?;
-            output::refuse_foreign_files(&self.directory, &former, plots, &output::TABLES)?;
-        }
-        let run =
-            WrittenRun { model: &own_scenario.model, seed: own_scenario.seed, records: &records, step_count };
-        let files = Files::reopen(&self.directory, own_scenario.output, run, lock)?;
-        Ok((simulation, files))
     }
 
     pub(crate) fn lock(&self) -> Result<Lock, Error> {
@@ -325,12 +241,6 @@ impl Run {
             ));
         }
         Ok(())
-    }
-
-    fn save(&self, simulation: &AnySimulation, files: &mut Files) -> Result<(), Error> {
-        let state = simulation.state()?.into_owned();
-        let checkpoint = self.checkpoint(simulation.backend(), files.sync()?, state);
-        checkpoint.write(&self.checkpoint_path())
     }
 
     pub(crate) fn checkpoint(&self, backend: Backend, files: Vec<FileRecord>, state: State) -> Checkpoint {

@@ -245,6 +245,18 @@ fn one_rank_stops_all_and_the_run_can_continue() {
 }
 
 #[test]
+fn complete_run_is_finished_even_if_asked_to_stop() {
+    let directory = tempfile::tempdir().unwrap();
+    go(&run(directory.path(), 10, false), 2);
+    let resumed = run(directory.path(), 10, true);
+    let ends = threads::on(2, |thread| {
+        resumed.run_distributed(thread, on_cpu(), |_| ControlFlow::Break(())).map(|(end, _)| end)
+    });
+    assert_eq!(ends, vec![Ok(RunEnd::Finished); 2]);
+    assert_eq!(resumed.run(|_| ControlFlow::Break(())).unwrap().0, RunEnd::Finished);
+}
+
+#[test]
 fn lost_part_is_named_and_run_is_not_replaced() {
     let directory = tempfile::tempdir().unwrap();
     go(&run(directory.path(), 10, false), 2);
