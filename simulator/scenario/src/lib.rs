@@ -112,7 +112,7 @@ pub struct Source {
 pub struct Transmitter {
     pub name: Spanned<Name>,
     pub center: Option<Spanned<[Finite; 3]>>,
-    pub body_radius: Option<Positive>,
+    pub body_radius: Option<Spanned<Positive>>,
     #[serde(default)]
     pub velocity: [Finite; 3],
     #[serde(default)]

@@ -18,6 +18,7 @@ use lazygrid_scenario::{self as file, File, Finite};
 use toml::Spanned;
 
 use self::checks::{span_of, warn};
+use self::schedule::single_radius;
 use super::{Output, Problem, warnings};
 use crate::model::decay_chain::faulty_chain;
 use crate::model::membrane::{Membrane, MembraneSurface};
@@ -76,7 +77,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<ResolvedScenario, 
     let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut warnings)?;
     let (mut carriers, mut has_body) = (Vec::new(), Vec::new());
     for transmitter in &file.transmitters {
-        let body = receivers::body(transmitter, names.species.len());
+        let body = receivers::body(transmitter, names.species.len())?;
         has_body.push(body.is_some());
         let moves = body.as_ref().is_some_and(crate::Receiver::moves);
         carriers.push(moves.then_some(receivers.len() as u32));
@@ -165,7 +166,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<ResolvedScenario, 
 fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
     let species = Species {
         name: one.name.get_ref().0.clone(),
-        radius: one.radius.as_ref().map_or(0.0, |radius| radius.get_ref().0 as f32),
+        radius: one.radius.as_ref().map_or(Ok(0.0), |r| single_radius(r.get_ref().0, r.span()))?,
         diffusion: one.diffusion.0,
         drift: one.drift.map(|Finite(v)| v),
         mass: one.mass.as_ref().map_or(1.0, |mass| mass.get_ref().0),

@@ -353,6 +353,6 @@ fn unbinding_radius(
                 format!("'{text}' does not have two products to separate; remove this key"),
             ))
         }
-        Some(radius) => Ok(radius.get_ref().0 as f32),
+        Some(radius) => single_radius(radius.get_ref().0, radius.span()),
     }
 }

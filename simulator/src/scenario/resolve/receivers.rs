@@ -82,18 +82,19 @@ fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> 
 }
 
 /// Returns the body of a transmitter that reflects or moves; one that only moves is a point that particles pass.
-pub(super) fn body(transmitter: &file::Transmitter, species: usize) -> Option<Receiver> {
+pub(super) fn body(transmitter: &file::Transmitter, species: usize) -> Result<Option<Receiver>, Problem> {
+    let radius = &transmitter.body_radius;
     let body = Receiver {
         name: transmitter.name.get_ref().0.clone(),
         center: transmitter.center.as_ref().map_or([0.0; 3], |center| to_f32(*center.get_ref())),
-        radius: transmitter.body_radius.map_or(0.0, |radius| radius.0 as f32),
+        radius: radius.as_ref().map_or(Ok(0.0), |r| single_radius(r.get_ref().0, r.span()))?,
         kind: ReceiverKind::Reflecting,
-        sees: vec![transmitter.body_radius.is_some(); species],
+        sees: vec![radius.is_some(); species],
         velocity: transmitter.velocity.map(|Finite(v)| v),
         diffusion: transmitter.diffusion.0,
         ..Receiver::default()
     };
-    (body.radius > 0.0 || body.moves()).then_some(body)
+    Ok((body.radius > 0.0 || body.moves()).then_some(body))
 }
 
 fn receiver(

@@ -89,11 +89,18 @@ fn excessive_probabilities_are_refused_with_a_time_step_that_works() {
 fn radii_that_are_zero_in_single_precision_are_refused() {
     let reaction = "[[reaction]]\nequation = 'A + B -> C'\n";
     let receiver = "[[receiver]]\nname = 'rx'\nkind = 'absorbing'\ncenter = [0, 0, 0]\n";
+    let transmitter = "[[transmitter]]\nname = 'tx'\nrelease = [{ species = 'A', count = 1 }]\n";
     for (text, key) in [
         (format!("{reaction}binding-radius = 1e-60\n"), "binding-radius"),
         (format!("{reaction}rate = 1e-200\n"), "rate"),
         (format!("{receiver}radius = 1e-60\n"), "radius"),
         (format!("{receiver}radius = 1e-60\n").replace("'absorbing'", "'partial'\nrate = 1"), "radius"),
+        ("[[species]]\nname = 'E'\nradius = 1e-60\n".to_owned(), "radius"),
+        (format!("{transmitter}body-radius = 7e-46\n"), "body-radius"),
+        (
+            format!("{reaction}binding-radius = 1\nunbinding-radius = 1e-60\n").replace("C", "C + C"),
+            "unbinding-radius",
+        ),
     ] {
         assert_refused(parse(&(decays("0.01", &[]) + &text)), key, "µm is 0 in single precision");
     }
