@@ -126,12 +126,15 @@ impl<R: Read> Iterator for Frames<R> {
     type Item = io::Result<Frame>;
 
     fn next(&mut self) -> Option<io::Result<Frame>> {
-        let first = match self.words() {
-            Ok([step]) => step,
-            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => return None,
-            Err(error) => return Some(Err(error)),
-        };
-        Some(self.frame(first))
+        let mut first = Vec::new();
+        match self.0.by_ref().take(4).read_to_end(&mut first) {
+            Ok(0) => None,
+            Ok(_) => Some(match first.try_into() {
+                Ok(bytes) => self.frame(u32::from_le_bytes(bytes)),
+                Err(_) => Err(io::ErrorKind::UnexpectedEof.into()),
+            }),
+            Err(error) => Some(Err(error)),
+        }
     }
 }
 
@@ -169,7 +172,11 @@ mod tests {
         assert_eq!((frames[1].step, frames[1].shift, frames[1].present), (7, 0, 10));
         assert_eq!(frames[1].rows[4], DrawnParticle { id: 4, species: 1, position: [4.0, -4.0, 0.5] });
         assert_eq!(frames[2].centers, [[1.0; 3], [3.0, 4.0, 3.0]]);
-        assert!(Frames::new(&file[..file.len() - 3]).last().unwrap().is_err());
+        let ends = [0, bytes(0), bytes(0) + bytes(10), file.len() as u64];
+        for length in 0..=file.len() {
+            let is_whole = Frames::new(&file[..length]).all(|frame| frame.is_ok());
+            assert_eq!(is_whole, ends.contains(&(length as u64)), "{length}");
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::io::{self, BufReader, Write};
 use std::path::Path;
 
 use lazygrid_io::write::base64;
-use lazygrid_sim::animation::{Frame, Frames, is_drawn};
+use lazygrid_sim::animation::{Frame, Frames, is_drawn, moving_receivers};
 use lazygrid_sim::run::Run;
 use lazygrid_sim::{Error, Model, write_atomically};
 use scene::Scene;
@@ -28,28 +28,44 @@ pub fn write(run: &Run) -> Result<(), Error> {
         return Ok(());
     }
     let series = Series::read(&run.directory.join("series.csv"))?;
-    let path = run.directory.join("animation.html");
-    write_atomically(&path, |out| page(out, &run.scenario.model, &run.title(), &frames, &series))
+    let (title, path) = (run.title(), run.directory.join("animation.html"));
+    let (scene, shift) = read_scene(&run.scenario.model, &title, &frames, &series)
+        .map_err(|source| Error::Read { path: frames.clone(), source })?;
+    write_atomically(&path, |out| page(out, &scene, shift, &title, &frames))
 }
 
-fn page(out: &mut impl Write, model: &Model, title: &str, frames: &Path, series: &Series) -> io::Result<()> {
-    let open = || File::open(frames).map(BufReader::new).map(Frames::new);
+fn open(frames: &Path) -> io::Result<Frames<BufReader<File>>> {
+    File::open(frames).map(BufReader::new).map(Frames::new)
+}
+
+/// Returns the scene of all frames, and the shift of the thinnest.
+fn read_scene(model: &Model, title: &str, frames: &Path, series: &Series) -> io::Result<(Scene, u32)> {
     let mut scene = Scene::new(model, title, series);
-    let mut shift = 0;
-    for frame in open()? {
-        shift = shift.max(frame?.shift);
+    let (species, centers, mut shift) = (model.species.len(), moving_receivers(model).count(), 0);
+    for frame in open(frames)? {
+        let frame = frame?;
+        let is_known = frame.rows.iter().all(|row| (row.species as usize) < species);
+        if !is_known || frame.centers.len() != centers || frame.shift > 32 {
+            let message = format!("the frame of step {} is one of another model", frame.step);
+            return Err(io::Error::new(io::ErrorKind::InvalidData, message));
+        }
+        shift = shift.max(frame.shift);
     }
-    for frame in open()? {
+    for frame in open(frames)? {
         scene.add_frame(&thinned(frame?, shift));
     }
-    let json = serde_json::to_string(&scene.finished(shift)).map_err(io::Error::other)?;
+    Ok((scene.finished(shift), shift))
+}
+
+fn page(out: &mut impl Write, scene: &Scene, shift: u32, title: &str, frames: &Path) -> io::Result<()> {
+    let json = serde_json::to_string(&scene).map_err(io::Error::other)?;
     let title = title.replace('&', "&amp;").replace('<', "&lt;");
     let mut rest = PAGE;
     for (mark, text) in [("{{title}}", title), ("{{scene}}", json.replace('<', "\\u003c"))] {
         rest = fill_mark(out, rest, mark, &text)?;
     }
     rest = fill_mark(out, rest, "{{frames}}", "")?;
-    for (at, frame) in open()?.enumerate() {
+    for (at, frame) in open(frames)?.enumerate() {
         let frame = thinned(frame?, shift);
         write!(out, "<script type=\"text/plain\" id=\"frame-{at}\">")?;
         base64(out, &scene::quantized_positions(&frame))?;
@@ -75,7 +91,40 @@ fn thinned(mut frame: Frame, shift: u32) -> Frame {
 
 #[cfg(test)]
 mod tests {
+    use std::num::NonZeroU32;
+    use std::ops::ControlFlow;
+
+    use lazygrid_sim::animation::Animation;
+    use lazygrid_sim::scenario::Scenario;
+
     use super::*;
+
+    #[test]
+    fn damaged_frames_are_refused_by_name() {
+        let directory = tempfile::tempdir().unwrap();
+        let text = "time-step = 0.01\nsteps = 2\n[[species]]\nname = 'A'\n\
+            [[transmitter]]\nname = 'tx'\nvelocity = [1, 0, 0]\nrelease = [{ species = 'A', count = 1 }]\n";
+        let mut scenario = Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap();
+        scenario.output.animation = Some(Animation { every: 1, particles: NonZeroU32::MAX });
+        let run = Run::new(scenario, "s.toml", directory.path().join("out"));
+        run.run(|_| ControlFlow::Continue(())).unwrap();
+        write(&run).unwrap();
+        let path = run.directory.join("animation.frames");
+        let whole = std::fs::read(&path).unwrap();
+        // Shift, number of moving receivers and species of the first frame.
+        for word in [1, 5, 7] {
+            let mut other = whole.clone();
+            other[4 * word] ^= 33;
+            std::fs::write(&path, other).unwrap();
+            let error = write(&run).unwrap_err().to_string();
+            assert!(error.starts_with(&path.display().to_string()), "{error}");
+        }
+        for length in [1, 3, whole.len() - 1] {
+            std::fs::write(&path, &whole[..length]).unwrap();
+            let error = write(&run).unwrap_err().to_string();
+            assert!(error.starts_with(&path.display().to_string()), "{error}");
+        }
+    }
 
     #[test]
     fn second_line_of_the_page_is_its_mark() {
