@@ -87,9 +87,10 @@ pub(crate) fn next_bytes(run: &impl RunView, output: Output) -> u64 {
 }
 
 fn loses(model: &Model) -> bool {
+    let keeps = |kind: &ReceiverKind| matches!(kind, ReceiverKind::Transparent | ReceiverKind::Reflecting);
     model.decays.iter().any(|decay| decay.products[0].is_none())
         || model.reactions.iter().any(|reaction| reaction.products.contains(&None))
-        || model.receivers.iter().any(|receiver| receiver.kind != ReceiverKind::Transparent)
+        || model.receivers.iter().any(|receiver| !keeps(&receiver.kind))
 }
 
 struct ParticleCounts {
@@ -208,6 +209,7 @@ mod tests {
     fn estimate_is_within_half_of_the_output() {
         let decaying = "[[decay]]\nequation = 'A ->'\nrate = 5\n";
         let watched = "[[receiver]]\nname = 'rx'\ncenter = [1, 0, 0]\nradius = 1\nkind = 'transparent'\n";
+        let mirrored = "[[receiver]]\nname = 'rx'\ncenter = [9, 0, 0]\nradius = 1\nkind = 'reflecting'\n";
         let message = "[[transmitter]]\nname = 'sender'\nrandom-bits = 20000\nsymbol-time = 0.1\n\
             release = [{ species = 'A', count = 1 }]\n";
         let frames = "[output]\nevery = 100\nframes-every = 20\nframes = ";
@@ -215,6 +217,7 @@ mod tests {
             ("rows", "[output]\nevery = 1\n".to_owned()),
             ("text", format!("{frames}['xyz']\n")),
             ("binary", format!("{frames}['npy']\n")),
+            ("reflecting", format!("{mirrored}{frames}['npy']\n")),
             ("decay", format!("{decaying}{watched}{frames}['xyz', 'npy']\n")),
             ("symbols", format!("{message}[output]\nevery = 400\n")),
         ] {

@@ -21,7 +21,7 @@ pub(super) fn remaining_bytes(
         return 0.0;
     }
     let row = RowEstimate::new(model, [from, steps]);
-    let removes = |receiver: &Receiver| !receiver.is_momentary() && receiver.sees.contains(&true);
+    let removes = |receiver: &Receiver| receiver.kind.absorbs() && receiver.sees.contains(&true);
     let arrivals = if model.receivers.iter().any(removes) { ids } else { 0.0 };
     let occupied = f64::from(steps / every - from / every) * occupancy_rows(model, steps, present);
     arrivals * row.arrival(ids) + releases(model, [from, steps]) * row.release() + occupied * row.occupancy()
