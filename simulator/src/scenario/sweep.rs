@@ -249,7 +249,12 @@ fn check_values(key: &SweptKey) -> Result<(), String> {
     let mut known = HashSet::new();
     // Numbers are equal in any notation; strings have quotation marks.
     let number = |value: &String| {
-        value.replace('_', "").parse::<f64>().map_or_else(|_| value.clone(), |x| x.to_string())
+        let digits = value.replace('_', "");
+        // An `f64` rounds long seeds and bits.
+        match digits.bytes().all(|byte| byte.is_ascii_digit()) {
+            true => digits,
+            false => digits.parse::<f64>().map_or_else(|_| value.clone(), |x| x.to_string()),
+        }
     };
     match key.values.iter().find(|value| !known.insert(number(value))) {
         None => Ok(()),

@@ -57,11 +57,20 @@ fn equal_values_are_refused() {
         ("time-step=1e-2,0.005,0.01", "0.01"),
         ("transmitter.tx.bits=01,10,01", "\"01\""),
         ("receiver.rx.center=[1, 0, 0],[1, 0, 0]", "[1, 0, 0]"),
+        ("seed=1_0,7,10", "10"),
+        ("seed=20,2e1", "2e1"),
     ] {
         let refused = sweep(TEXT, &[option]).unwrap_err();
         assert!(refused.contains(&format!("has the value {value} of ")), "{option}: {refused}");
     }
     assert_eq!(sweep(TEXT, &["transmitter.tx.bits=01,001,1"]).unwrap().unwrap().points.len(), 3);
+    // Equal as `f64`.
+    for option in [
+        "seed=9007199254740992,9007199254740993",
+        "transmitter.tx.bits=1111111111111111111,1111111111111111110",
+    ] {
+        assert_eq!(sweep(TEXT, &[option]).unwrap().unwrap().points.len(), 2, "{option}");
+    }
 }
 
 #[test]
