@@ -22,7 +22,7 @@ use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
     Axis, Boundary, Contact, Error, Flow, Membrane, MembraneSurface, Model, Receiver, ReceiverKind,
-    ReceptorType, Shape, Simulation, Transmitter,
+    ReceptorType, Shape, Simulation, Transmitter, Vessel,
 };
 use models::{
     Runs, assert_same, brownian, burst, by_id, cpu, decay, dyadic, gpu, gpu_with, receiver, species, steps,
@@ -304,6 +304,24 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
     let error = run.run(5).expect_err("an error");
     assert!(matches!(error, Error::NotFinite { step: 1, particles: 1000 }), "{error}");
     assert_eq!(run.state().expect("a state").step, 1);
+}
+
+#[test]
+fn path_beyond_the_range_of_numbers_is_an_error_in_every_boundary() {
+    let Some(device) = device() else { return };
+    let vessel = Vessel { along: None, center: [0.0; 3], radius: 8.0 };
+    for boundary in [
+        Boundary::periodic([-8.0; 3], [8.0; 3]),
+        Boundary::reflecting([-8.0; 3], [8.0; 3]),
+        Boundary { vessel: Some(vessel), ..Boundary::default() },
+    ] {
+        let mut model = fast_drift(brownian(true));
+        model.species[0].drift = [1e39, 0.0, 0.0];
+        model.boundary = boundary;
+        let mut run = gpu(&device, &model, 1);
+        let error = run.run(5).expect_err("an error");
+        assert!(matches!(error, Error::NotFinite { step: 0, particles: 1000 }), "{boundary:?}: {error}");
+    }
 }
 
 #[test]

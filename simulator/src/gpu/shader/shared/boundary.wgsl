@@ -34,7 +34,10 @@ fn confined_axes(x: vec3<f32>, radius: f32) -> vec3<f32> {
     let wrapped = select(low, shifted, (shifted >= low) & (shifted < high));
     let repeated = select(wrapped, x, (x >= low) & (x < high));
     let axes = params.axes;
-    return flattened(select(select(repeated, mirrored, axes == vec3(1u)), x, axes == vec3(0u)));
+    // A path beyond the range of floats stays so, which is an error. Compilers may assume that floats are finite, so
+    // integers decide.
+    let is_infinite = (bitcast<vec3<u32>>(x) & vec3(0x7f800000u)) == vec3(0x7f800000u);
+    return flattened(select(select(repeated, mirrored, axes == vec3(1u)), x, (axes == vec3(0u)) | is_infinite));
 }
 
 fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {
