@@ -67,15 +67,30 @@ pub fn gather<T: Pod, C: Communicator>(
 pub fn send_to_ranks<T: Pod, C: Communicator>(
     communicator: &mut C,
     what: &str,
-    mut send: Vec<(u32, T)>,
+    send: Vec<(u32, T)>,
 ) -> Result<RankData<T>, C::Error> {
     let mut counts = vec![0; communicator.ranks() as usize];
     send.iter().for_each(|&(to, _)| counts[to as usize] += 1);
-    send.sort_by_key(|&(to, _)| to);
-    let elements = try_collect(send.len(), send.iter().map(|&(_, element)| element), "elements to send");
-    drop(send);
+    let zeros = std::iter::repeat_n(T::zeroed(), send.len());
+    let elements = try_collect(send.len(), zeros, "elements to send");
+    let elements = elements.map(|elements| in_order_of_ranks(elements, send, &counts));
     let elements = agree_on_memory(communicator, elements)?;
     communicator.all_to_all_v(what, &elements, &counts)
+}
+
+/// Fills `elements` by rank, in order. A stable sort would abort the process if its buffer exceeded the memory.
+fn in_order_of_ranks<T>(mut elements: Vec<T>, send: Vec<(u32, T)>, counts: &[usize]) -> Vec<T> {
+    let firsts = counts.iter().scan(0, |end, count| {
+        *end += count;
+        Some(*end - count)
+    });
+    let mut next: Vec<usize> = firsts.collect();
+    for (to, element) in send {
+        let at = &mut next[to as usize];
+        elements[*at] = element;
+        *at += 1;
+    }
+    elements
 }
 
 /// Collective.
