@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
-use lazygrid_io::Position;
 use lazygrid_io::read::{BYTE_ORDER_MARK, Format, Frame, Frames, Options, Species};
+use lazygrid_io::{Error, Location, Position, excerpt};
 
 use super::rank_range::rank_range;
 
@@ -78,6 +78,14 @@ impl RankLines {
         let before = before + newlines(&bytes[..skipped]);
         bytes.drain(..skipped);
         let head = newlines(&self.head);
+        // After a header in a comment, the reader would take a first row of names for the header.
+        let row = bytes.split(|&byte| byte == b'\n').next().unwrap_or_default();
+        let marked = self.head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(&self.head);
+        if !self.is_first && comments(marked) == marked.len() && is_header(row) {
+            let location = Location { path: path.into(), at: Position::Line(head + before + 1) };
+            let found = format!("'{}'", excerpt(row.trim_ascii()));
+            return Err(Error::Syntax { location, expected: "numbers".to_owned(), found }.to_string());
+        }
         let length = (self.head.len() + bytes.len()) as u64;
         let input = Cursor::new(self.head).chain(Cursor::new(bytes));
         let mut frames =
@@ -105,6 +113,10 @@ fn comments(lines: &[u8]) -> usize {
     lines.split_inclusive(|&byte| byte == b'\n').take_while(is_comment).map(<[u8]>::len).sum()
 }
 
+fn is_header(line: &[u8]) -> bool {
+    Format::from_content(line) == Some(Format::Csv)
+}
+
 fn head(start: &[u8]) -> Option<usize> {
     let mut length = if start.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     for line in start[length..].split_inclusive(|&byte| byte == b'\n') {
@@ -114,7 +126,7 @@ fn head(start: &[u8]) -> Option<usize> {
         }
         match text.first() {
             None | Some(b'#') => length += line.len(),
-            _ if Format::from_content(text) == Some(Format::Csv) => return Some(length + line.len()),
+            _ if is_header(text) => return Some(length + line.len()),
             _ => return Some(length),
         }
     }
@@ -162,6 +174,28 @@ mod tests {
         let rows = TextRows::open(&path).unwrap().unwrap();
         let (frame, _) = rows.lines_of(&path, 1, 2).unwrap().read(&path, Options::default(), 1).unwrap();
         assert_eq!(frame.as_spheres().get_f64(0), [5.0, 6.0, 7.0, 8.0]);
+    }
+
+    #[test]
+    fn later_header_is_refused_on_every_rank() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.csv");
+        for begin in ["# x,y,z,r\n", "\u{feff}# r,x,y,z\n\n", "x,y,z,r\n"] {
+            std::fs::write(&path, format!("{begin}1,2,3,4\n# r,x,y,z\nx,y,z,r\n5,6,7,8\n")).unwrap();
+            let line = format!("a.csv, line {}: ", 3 + newlines(begin.as_bytes()));
+            for ranks in 1..9 {
+                let rows = TextRows::open(&path).unwrap().unwrap();
+                let mut before = 0;
+                let read = (0..ranks).map(|rank| {
+                    let lines = rows.lines_of(&path, rank, ranks).unwrap();
+                    let count = lines.lines();
+                    before += count;
+                    lines.read(&path, Options::default(), before - count)
+                });
+                let refused: Vec<String> = read.filter_map(Result::err).collect();
+                assert!(refused.len() == 1 && refused[0].contains(&line), "{ranks}: {refused:?}");
+            }
+        }
     }
 
     #[test]
