@@ -240,9 +240,13 @@ impl GpuSimulation {
         self.arrivals.clear();
         let end = self.step.saturating_add(steps);
         while self.step < end {
-            let (read, bursts) = self.run_batch(end - self.step)?;
+            let step = self.step;
+            let (read, bursts) = self.run_batch(end - step)?;
             let head = read.head;
             self.record(read, &bursts, None)?;
+            if self.step > step {
+                self.reset_top_speed()?;
+            }
             let recovered = self.recover(head);
             recovered.map_err(|error| error_at(self.step, error))?;
         }
@@ -252,6 +256,7 @@ impl GpuSimulation {
     /// Reads back, but does not record the results.
     fn run_batch(&mut self, step_limit: u32) -> Result<(Readback, Vec<Burst>), Error> {
         let step_limit = step_limit.min(max_steps(&self.model)).min(self.steps_per_readback());
+        let step_limit = if self.steps.sizes.speed_doublings > 0 { 1 } else { step_limit };
         let step_limit = self.steps_of_flow(step_limit);
         let bursts = self.bursts(step_limit)?;
         // A dissociation may change the ids of the release.

@@ -1,7 +1,7 @@
 use std::f64::consts::PI;
 
 use lazygrid_sim::model::vessel::Vessel;
-use lazygrid_sim::{Boundary, Contact, Model, Particles, Shape, Species, Transmitter};
+use lazygrid_sim::{Boundary, Contact, Model, Particles, Schedule, Shape, Species, Transmitter};
 
 use super::*;
 
@@ -255,4 +255,35 @@ fn pressure_and_diffusion_match_hard_spheres() {
     };
     let [thin, middle, dense] = [0.1, 0.25, 0.4].map(slowed);
     assert!(thin < 1.0 && thin > middle + 0.05 && middle > dense + 0.05, "{thin}, {middle}, {dense}");
+}
+
+/// Few particles at one point collide at speeds above those at the beginning of the step.
+#[test]
+fn resumed_run_of_fast_collisions_equals_an_uninterrupted_one() {
+    let Some(device) = device() else { return };
+    let model = Model {
+        time_step: 0.000885,
+        species: vec![Species { radius: 0.03, ..species("A", 7.0, [0.0; 3]) }],
+        contact: Contact::Separate,
+        boundary: Boundary::periodic([-4.0; 3], [4.0; 3]),
+        transmitters: vec![Transmitter {
+            schedule: Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 32_000.0)] },
+            ..burst(Shape::Point, &[])
+        }],
+        ..Model::default()
+    };
+    for seed in [1, 2] {
+        let mut whole = gpu(&device, &model, seed);
+        whole.run(10).expect("steps");
+        for steps in [2, 5, 8] {
+            let mut first = gpu(&device, &model, seed);
+            first.run(steps).expect("steps");
+            let state = first.state().expect("a state");
+            let options = GpuOptions::default();
+            let resumed = GpuSimulation::resume(model.clone(), seed, device.clone(), options, &state);
+            let mut resumed = resumed.expect("a state");
+            resumed.run(10 - steps).expect("steps");
+            assert_same(&resumed.state().expect("a state"), &whole.state().expect("a state"));
+        }
+    }
 }

@@ -137,6 +137,16 @@ impl GpuSimulation {
         })
     }
 
+    /// Ends a step that began again with a higher top speed of collisions. Later steps must not depend on it, or a
+    /// resumed run would differ.
+    pub(super) fn reset_top_speed(&mut self) -> Result<(), Error> {
+        if self.steps.sizes.speed_doublings == 0 {
+            return Ok(());
+        }
+        self.steps.sizes.speed_doublings = 0;
+        self.upload_capacities()
+    }
+
     /// Keeps only the particles.
     pub(super) fn rebuild(&mut self, sizes: Sizes) -> Result<(), Error> {
         let found = self.detectors.reserve(sizes)?;
