@@ -5,7 +5,8 @@ use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::run::{Run, RunEnd};
 use crate::{Error, Model, Totals};
 
-/// A begun or resumed run with its files. Over ranks, methods with `&mut self` and [`agree`](Self::agree) are collective.
+/// A begun or resumed run with its files. Over ranks, methods with `&mut self` and [`agree`](Self::agree) are
+/// collective.
 pub(crate) trait OpenRun {
     type Error;
 
