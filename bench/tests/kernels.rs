@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use lazygrid_kernels::kernel::KERNELS;
+use lazygrid_tests::skip;
 use serde_json::Value;
 
 fn driver() -> Option<PathBuf> {
@@ -20,11 +21,7 @@ fn driver() -> Option<PathBuf> {
 #[test]
 fn amd_compiler_accepts_all_kernels() {
     let Some(driver) = driver() else {
-        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-        {
-            eprintln!("skipped: Mesa's Vulkan driver for AMD is not installed (Debian: mesa-vulkan-drivers)");
-        }
-        return;
+        return skip(None, "Mesa's Vulkan driver for AMD is not installed (Debian: mesa-vulkan-drivers)");
     };
     let run = Command::new(env!("CARGO_BIN_EXE_lazygrid-bench"))
         .args(["kernels", "--all-variants", "--json"])

@@ -3,6 +3,8 @@
 //!
 //! `npm ci --prefix kernels/tint` installs it. Without it the test is skipped, unless `LAZYGRID_REQUIRE_TINT` is set.
 
+#[path = "../../tests/src/skip.rs"]
+mod skip;
 mod texts;
 
 use std::fs;
@@ -10,16 +12,14 @@ use std::path::Path;
 use std::process::Command;
 
 use lazygrid_kernels::kernel::Kernel;
+use skip::skip;
 
 #[test]
 fn tint_accepts_every_text() {
     let tint = Path::new(env!("CARGO_MANIFEST_DIR")).join("tint");
-    if !tint.join("node_modules").exists() && std::env::var_os("LAZYGRID_REQUIRE_TINT").is_none() {
-        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-        {
-            eprintln!("skipped: Tint is not installed; `npm ci --prefix kernels/tint` does that");
-        }
-        return;
+    if !tint.join("node_modules").exists() {
+        let why = "Tint is not installed; `npm ci --prefix kernels/tint` does that";
+        return skip(Some("LAZYGRID_REQUIRE_TINT"), why);
     }
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wgsl");
     let _ = fs::remove_dir_all(&folder);

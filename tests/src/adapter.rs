@@ -1,5 +1,8 @@
 //! Included by tests of several crates.
 
+#[path = "skip.rs"]
+pub(crate) mod skip;
+
 use lazygrid::Error;
 
 /// Returns `None` without an adapter, to skip the test.
@@ -9,11 +12,8 @@ use lazygrid::Error;
 pub(crate) fn or_skip<T>(opened: Result<T, Error>) -> Option<T> {
     match opened {
         Ok(opened) => Some(opened),
-        Err(error @ Error::NoAdapter { .. }) if std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none() => {
-            #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-            {
-                eprintln!("skipped: {error}");
-            }
+        Err(error @ Error::NoAdapter { .. }) => {
+            skip::skip(Some("LAZYGRID_REQUIRE_GPU"), &error.to_string());
             None
         }
         Err(error) => panic!("{error}"),

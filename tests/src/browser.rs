@@ -3,17 +3,7 @@
 use std::io::Read;
 use std::process::{Command, Stdio};
 
-/// Prints that a test is skipped.
-///
-/// # Panics
-/// Panics if the environment variable `required` is set.
-pub fn skipped(required: &str, why: &str) {
-    assert!(std::env::var_os(required).is_none(), "{required} is set, and {why}");
-    #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-    {
-        eprintln!("skipped: {why}");
-    }
-}
+use crate::skip;
 
 /// Returns `None` without a browser, to skip the test. Panics instead if `LAZYGRID_REQUIRE_BROWSER` is set.
 pub fn browser() -> Option<&'static str> {
@@ -28,7 +18,7 @@ pub fn browser() -> Option<&'static str> {
         let why = format!(
             "no browser among {known:?} is installed; install one (Debian: apt-get install chromium)"
         );
-        skipped("LAZYGRID_REQUIRE_BROWSER", &why);
+        skip(Some("LAZYGRID_REQUIRE_BROWSER"), &why);
     }
     found
 }

@@ -8,7 +8,7 @@ use std::process::{Command, Output, Stdio};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::browser::skipped;
+use crate::skip;
 
 pub struct Run {
     pub code: Option<i32>,
@@ -19,7 +19,7 @@ pub struct Run {
 pub fn has_gpu() -> bool {
     let has_one = !lazygrid::gpu::adapters().is_empty();
     if !has_one {
-        skipped("LAZYGRID_REQUIRE_GPU", "there is no GPU adapter with Vulkan, Metal or DirectX 12");
+        skip(Some("LAZYGRID_REQUIRE_GPU"), "there is no GPU adapter with Vulkan, Metal or DirectX 12");
     }
     has_one
 }
@@ -28,7 +28,7 @@ pub fn has_gpu() -> bool {
 pub struct Program(pub &'static str);
 
 impl Program {
-    fn command(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
+    pub(crate) fn command(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
         let mut command = Command::new(self.0);
         // Without `XDG_RUNTIME_DIR`, some Vulkan layers print warnings on standard error.
         command
@@ -120,6 +120,12 @@ impl Scratch {
         names.sort_unstable();
         names
     }
+}
+
+/// Returns a NumPy file; `descr` and `shape` are as in Python.
+pub fn npy_bytes(descr: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let header = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n");
+    [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes(), data].concat()
 }
 
 pub fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {

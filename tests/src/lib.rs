@@ -7,6 +7,7 @@ pub mod command;
 pub mod hard;
 pub mod periodic;
 pub mod results;
+pub mod running;
 pub mod triclinic;
 pub mod variants;
 
@@ -14,6 +15,7 @@ mod adapter;
 
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 
+pub use adapter::skip::skip;
 pub use lazygrid_check::{
     DetectorVariant, SceneSeed, SeedReader, SpeciesSetup, TestInput, Tolerance, checksum, difference,
 };

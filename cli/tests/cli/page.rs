@@ -9,8 +9,9 @@ use lazygrid::{Algorithm, Pair, Space, Sphere};
 use lazygrid_check::detectors::compare;
 use lazygrid_check::{TestInput, Tolerance, difference};
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::browser::{browser, decoded, skipped};
+use lazygrid_tests::browser::{browser, decoded};
 use lazygrid_tests::command::Scratch;
+use lazygrid_tests::skip;
 use serde_json::{Value, json};
 
 use crate::LAZYGRID;
@@ -36,7 +37,7 @@ fn has_dawn() -> bool {
     } else {
         return true;
     };
-    skipped("LAZYGRID_REQUIRE_TINT", missing);
+    skip(Some("LAZYGRID_REQUIRE_TINT"), missing);
     false
 }
 

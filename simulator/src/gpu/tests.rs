@@ -1,7 +1,7 @@
 //! Kernels against the CPU. Skipped without an adapter, unless `LAZYGRID_REQUIRE_GPU` is set.
 
 #[path = "../../../tests/src/adapter.rs"]
-mod adapter;
+pub(super) mod adapter;
 mod births;
 mod collisions;
 #[path = "../../../tests/src/limited_device.rs"]

@@ -1,6 +1,7 @@
 use proptest::prelude::*;
 
-use super::arrays::{flat, header, npy};
+use super::arrays::{flat, header};
+use super::npy::tests::file as npy;
 use super::*;
 
 /// Small, so that most mutations have an effect.

@@ -15,6 +15,7 @@ use super::super::layout::{
 };
 use super::*;
 use crate::gpu::layout;
+use crate::gpu::tests::adapter::skip::skip;
 use crate::random::philox::Purpose;
 
 fn texts() -> impl Iterator<Item = (&'static Kernel, String)> {
@@ -143,12 +144,9 @@ fn shader_constants_are_those_of_the_host() {
 #[test]
 fn tint_accepts_every_text() {
     let tint = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint");
-    if !tint.join("node_modules").exists() && std::env::var_os("LAZYGRID_REQUIRE_TINT").is_none() {
-        #[expect(clippy::print_stderr, reason = "a skipped test says why")]
-        {
-            eprintln!("skipped: Tint is not installed; `npm ci --prefix kernels/tint` does that");
-        }
-        return;
+    if !tint.join("node_modules").exists() {
+        let why = "Tint is not installed; `npm ci --prefix kernels/tint` does that";
+        return skip(Some("LAZYGRID_REQUIRE_TINT"), why);
     }
     let folder = tempfile::tempdir().expect("a folder");
     for (k, (kernel, text)) in texts().enumerate() {
