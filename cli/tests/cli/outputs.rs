@@ -1,5 +1,3 @@
-#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use std::fs;
 
 use lazygrid_tests::command::{Scratch, table};
@@ -97,43 +95,29 @@ fn number_in_a_name_that_is_not_utf_8_is_refused() {
 
 #[cfg(target_os = "linux")]
 mod stopped {
-    use std::io::Write;
     use std::os::unix::process::ExitStatusExt;
-    use std::process::{Child, Command, Stdio};
+    use std::process::Stdio;
+
+    use lazygrid_tests::running::Running;
 
     use super::*;
 
-    fn begun(scratch: &Scratch) -> Child {
+    /// Starts a command that waits for more frames, and has begun to write its output.
+    fn begun(scratch: &Scratch) -> Running {
         let before = scratch.names();
-        let mut child = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
-            .args(["detect", "/dev/stdin", "--format", "xyz", "--backend", "cpu"])
-            .args(["-o", &scratch.path("pairs.csv")])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        child.stdin.as_mut().unwrap().write_all(FRAME.as_bytes()).unwrap();
-        while scratch.names().iter().all(|name| before.contains(name)) {
-            assert!(child.try_wait().unwrap().is_none(), "it has ended");
-            std::thread::sleep(std::time::Duration::from_millis(10));
-        }
-        child
-    }
-
-    fn send(signal: &str, child: &Child) {
-        assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
+        let output = scratch.path("pairs.csv");
+        let args = ["detect", "/dev/stdin", "--format", "xyz", "--backend", "cpu", "-o", &output];
+        let mut running = LAZYGRID.start(args, Stdio::piped(), Stdio::null());
+        running.write(FRAME.as_bytes());
+        running.wait_until(|| scratch.names().iter().any(|name| !before.contains(name)))
     }
 
     #[test]
     fn a_signal_leaves_nothing_behind() {
         for (signal, number) in [("-INT", 2), ("-TERM", 15)] {
             let scratch = Scratch::new();
-            let mut child = begun(&scratch);
             // A closed standard input would complete the file.
-            let _open = child.stdin.take();
-            send(signal, &child);
-            let ended = child.wait_with_output().unwrap();
+            let ended = begun(&scratch).end(signal);
             assert_eq!(String::from_utf8(ended.stderr).unwrap(), "");
             assert_eq!(ended.status.signal(), Some(number), "{}", ended.status);
             assert_eq!(scratch.names(), [""; 0]);
@@ -145,16 +129,14 @@ mod stopped {
         let scratch = Scratch::new();
         let file = scratch.write("ok.csv", SPHERES);
         let foreign = scratch.write(".lazygrid-notes.part", "mine");
-        let mut killed = begun(&scratch);
-        let mut live = begun(&scratch);
-        killed.kill().unwrap();
-        killed.wait().unwrap();
+        let killed = begun(&scratch);
+        let live = begun(&scratch);
+        killed.end("-KILL");
         assert_eq!(scratch.names().len(), 4);
 
         detect([&file, "-o", &scratch.path("other.csv")]).succeeds();
         assert_eq!(scratch.names().len(), 4, "{:?}", scratch.names());
-        drop(live.stdin.take());
-        assert!(live.wait().unwrap().success());
+        assert!(live.finish().status.success());
         assert_eq!(table(&scratch.path("pairs.csv")), [[0, 1]]);
         assert_eq!(scratch.names(), [".lazygrid-notes.part", "ok.csv", "other.csv", "pairs.csv"]);
         assert_eq!(fs::read_to_string(foreign).unwrap(), "mine");

@@ -1,59 +1,27 @@
 use std::fs;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
-use std::thread;
-use std::time::Duration;
+use std::process::{Command, Output, Stdio};
 
 use lazygrid_sim::State;
 use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_tests::command::{Scratch, has_gpu};
+use lazygrid_tests::running::Running;
 
 use super::{SCENARIO, files, lazygrid};
+use crate::LAZYGRID;
 
-pub(crate) struct Endless(Option<Child>);
-
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-impl Endless {
-    pub(crate) fn end(mut self, signal: &str) -> Output {
-        let child = self.0.take().unwrap();
-        let id = child.id().to_string();
-        assert!(Command::new("kill").args([signal, &id]).status().unwrap().success());
-        child.wait_with_output().unwrap()
-    }
-}
-
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-impl Drop for Endless {
-    fn drop(&mut self) {
-        if let Some(child) = &mut self.0 {
-            child.kill().unwrap();
-        }
-    }
-}
-
-fn endless(scenario: &str, out: &str) -> Endless {
+fn endless(scenario: &str, out: &str) -> Running {
     let rare = ["--steps", "100000000", "--series-every", "1000000", "--frames-every", "100000000"];
     begun(&[&["simulate", scenario, "--output", out][..], &rare].concat(), &(out.to_owned() + "/checkpoint"))
 }
 
-pub(crate) fn begun(args: &[&str], file: &str) -> Endless {
+/// Starts a command, and waits until it has made `file`.
+pub(crate) fn begun(args: &[&str], file: &str) -> Running {
     begun_with(Stdio::null(), args, file)
 }
 
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-fn begun_with(output: Stdio, args: &[&str], file: &str) -> Endless {
-    let started = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
-        .args(args)
-        .env("RUST_LOG", "error")
-        .stdin(Stdio::null())
-        .stdout(output)
-        .stderr(Stdio::piped())
-        .spawn();
-    let child = started.unwrap();
-    while !Path::new(file).exists() {
-        thread::sleep(Duration::from_millis(10));
-    }
-    Endless(Some(child))
+fn begun_with(output: Stdio, args: &[&str], file: &str) -> Running {
+    LAZYGRID.start(args, Stdio::null(), output).wait_until(|| Path::new(file).exists())
 }
 
 #[test]
