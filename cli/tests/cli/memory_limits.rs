@@ -1,11 +1,11 @@
 //! A command under a memory limit never ends by a signal. `LAZYGRID_TEST_FULL=1` tries more limits.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
-#![expect(clippy::print_stderr, reason = "a skipped test says why")]
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::Command;
 
-use lazygrid_tests::command::Scratch;
+use lazygrid_tests::command::{Scratch, npy_bytes};
+use lazygrid_tests::skip;
 
 use crate::LAZYGRID;
 
@@ -26,6 +26,9 @@ center = [0.0, 0.0, 0.0]
 shape = { kind = \"gaussian\", width = 40.0 }
 release = [{ species = \"A\", count = COUNT }, { species = \"B\", count = COUNT }]
 ";
+
+/// More than any refused request here would leave on a machine with terabytes of memory.
+const MANY_MEBIBYTES: u64 = 16 << 10;
 
 fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {
     limited_with(mebibytes, &[], args)
@@ -130,10 +133,8 @@ fn announced_memory_counts_the_copy_of_f64_spheres() {
     let scratch = Scratch::new();
     let [narrow, wide] = ["narrow.npy", "wide.npy"].map(|name| scratch.path(name));
     LAZYGRID.run(["generate", "equal", "-n", &SPHERES.to_string(), "-o", &narrow]).succeeds();
-    let header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({SPHERES}, 4), }}\n");
-    let numbers = vec![0.5_f64.to_le_bytes(); 4 * SPHERES as usize];
-    let start = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
-    std::fs::write(&wide, [start, numbers.concat()].concat()).unwrap();
+    let numbers = 0.5_f64.to_le_bytes().repeat(4 * SPHERES as usize);
+    std::fs::write(&wide, npy_bytes("'<f8'", &format!("({SPHERES}, 4)"), &numbers)).unwrap();
     let needed = |file: &str, options: &[&str]| {
         let (_, said) =
             limited(62, &[&["detect", file, "--backend", "cpu", "--threads", "1"], options].concat());
@@ -151,9 +152,8 @@ fn announced_memory_counts_the_copy_of_f64_spheres() {
 fn commands_on_a_gpu_under_any_memory_limit_end_without_a_signal() {
     let adapters = lazygrid::gpu::adapters();
     if adapters.is_empty() || adapters.iter().any(|adapter| adapter.is_hardware) {
-        return eprintln!(
-            "skipped: memory limits with a software driver alone, as the adapters are {adapters:?}"
-        );
+        let why = format!("memory limits with a software driver alone, as the adapters are {adapters:?}");
+        return skip(None, &why);
     }
     let scratch = Scratch::new();
     let cache = scratch.path("cache");
@@ -188,16 +188,25 @@ fn run_that_cannot_fit_is_refused_before_it_begins() {
     for replicas in [&[][..], &["--replicas", "2"]] {
         let run = scratch.path("run");
         let args = ["simulate", &burst, "--output", &run].into_iter().chain(replicas.iter().copied());
-        let refused = LAZYGRID.run(args).fails().err;
-        assert!(refused.contains("bytes of memory or more") && refused.contains("available"), "{refused}");
+        let (code, said) = limited(MANY_MEBIBYTES, &args.collect::<Vec<_>>());
+        let is_refused = said.contains("bytes of memory or more") && said.contains("available");
+        assert!(code == 1 && is_refused, "{code}: {said}");
     }
     let made = scratch.path("made.npy");
-    let refused = LAZYGRID.run(["generate", "equal", "-n", "4294967294", "-o", &made]);
-    assert!(
-        refused.code == Some(0) || refused.err.contains("4294967294 spheres need 68786585568 bytes"),
-        "{}",
-        refused.err
-    );
+    let (code, said) = limited(MANY_MEBIBYTES, &["generate", "equal", "-n", "4294967294", "-o", &made]);
+    assert!(code == 1 && said.contains("4294967294 spheres need 68786585568 bytes"), "{code}: {said}");
+    assert!(!std::fs::exists(made).unwrap());
+}
+
+#[test]
+fn sweep_that_cannot_fit_is_refused_before_it_begins() {
+    let scratch = Scratch::new();
+    let [scenario, out] = [scratch.write("s.toml", &BURST.replace("COUNT", "10")), scratch.path("out")];
+    let sweep = "transmitter.tx.release.0.count=10,4000000000";
+    let (code, said) = limited(MANY_MEBIBYTES, &["simulate", &scenario, "--output", &out, "--sweep", sweep]);
+    let is_refused = said.contains("count = 4000000000: ") && said.contains("bytes of memory or more");
+    assert!(code == 1 && is_refused, "{code}: {said}");
+    assert!(!std::fs::exists(out + "/points.csv").unwrap());
 }
 
 #[test]
