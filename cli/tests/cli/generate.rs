@@ -10,7 +10,7 @@ fn every_scene_goes_through_every_format() {
     let scratch = Scratch::new();
     for scene in Scene::ALL {
         let spheres = scene.spheres(400, 7);
-        let expected = brute_force(&spheres);
+        let expected = brute_force(&spheres, [None; 3]);
         for extension in ["npy", "csv", "xyz"] {
             let file = scratch.path(&format!("{scene}.{extension}"));
             let pairs = scratch.path("pairs.npy");

@@ -47,19 +47,21 @@ fn detect_file<const N: usize>(file: &str, args: [&str; N]) -> Run {
 
 const SMOLDYN: [&str; 6] = ["--radius", "acid=0.1", "--radius", "base=0.15", "--radius", "salt=0.2"];
 
-fn brute_force(spheres: &[Sphere]) -> Vec<[u32; 2]> {
-    let touch = |a: &Sphere, b: &Sphere| {
-        let d = a
-            .center
-            .to_array()
-            .into_iter()
-            .zip(b.center.to_array())
-            .map(|(p, q)| f64::from(p) - f64::from(q));
-        d.map(|d| d * d).sum::<f64>() <= (f64::from(a.radius) + f64::from(b.radius)).powi(2)
-    };
-    let indices = 0..spheres.len();
-    let pairs = indices.flat_map(|i| (i + 1..spheres.len()).map(move |j| [i, j]));
-    pairs.filter(|&[i, j]| touch(&spheres[i], &spheres[j])).map(|pair| pair.map(|k| k as u32)).collect()
+fn pairs_by(count: usize, touch: impl Fn(usize, usize) -> bool) -> Vec<[u32; 2]> {
+    let pairs = (0..count).flat_map(|i| (i + 1..count).map(move |j| [i, j]));
+    pairs.filter(|&[i, j]| touch(i, j)).map(|pair| pair.map(|k| k as u32)).collect()
+}
+
+fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
+    pairs_by(spheres.len(), |i, j| {
+        let (a, b) = (&spheres[i], &spheres[j]);
+        let differences = [0, 1, 2].map(|axis| {
+            let d = f64::from(a.center[axis]) - f64::from(b.center[axis]);
+            lengths[axis].map_or(d, |length| d - length * (d / length).round())
+        });
+        let cutoff = f64::from(a.radius) + f64::from(b.radius);
+        differences.into_iter().map(|d| d * d).sum::<f64>() <= cutoff * cutoff
+    })
 }
 
 fn read(path: &Path) -> Vec<Sphere> {
@@ -146,8 +148,10 @@ fn neighbors_are_the_pairs_both_ways() {
     let scratch = Scratch::new();
     let [file, npy_path, csv_path] = ["burst.npy", "near.npy", "near.csv"].map(|name| scratch.path(name));
     lazygrid(["generate", "burst", "-n", "300", "-o", &file]).succeeds();
-    let mut both: Vec<_> =
-        brute_force(&read(Path::new(&file))).into_iter().flat_map(|[i, j]| [[i, j], [j, i]]).collect();
+    let mut both: Vec<_> = brute_force(&read(Path::new(&file)), [None; 3])
+        .into_iter()
+        .flat_map(|[i, j]| [[i, j], [j, i]])
+        .collect();
     both.sort_unstable();
     for path in [&npy_path, &csv_path] {
         let object = lazygrid(["detect", &file, "--neighbors", "--json", "-o", path]).succeeds().json();

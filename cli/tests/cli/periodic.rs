@@ -4,21 +4,7 @@ use lazygrid_io::scenes::Scene;
 use lazygrid_tests::command::{Scratch, data, table};
 use serde_json::json;
 
-use crate::{LAZYGRID, detect_file};
-
-fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
-    let touch = |a: &Sphere, b: &Sphere| {
-        let differences = [0, 1, 2].map(|axis| {
-            let d = f64::from(a.center[axis]) - f64::from(b.center[axis]);
-            lengths[axis].map_or(d, |length| d - length * (d / length).round())
-        });
-        let cutoff = f64::from(a.radius) + f64::from(b.radius);
-        differences.into_iter().map(|d| d * d).sum::<f64>() <= cutoff * cutoff
-    };
-    let n = spheres.len();
-    let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| [i, j]));
-    pairs.filter(|&[i, j]| touch(&spheres[i], &spheres[j])).map(|pair| pair.map(|k| k as u32)).collect()
-}
+use crate::{LAZYGRID, brute_force, detect_file, pairs_by};
 
 fn spheres() -> Vec<Sphere> {
     Scene::FiveSizes.spheres(600, 11)
@@ -101,16 +87,14 @@ fn brute_force_of_vectors(spheres: &[Sphere], vectors: [[f64; 3]; 3]) -> Vec<[u3
     let steps = (0..343).map(|k| [k % 7 - 3, k / 7 % 7 - 3, k / 49 - 3].map(f64::from));
     let images: Vec<[f64; 3]> =
         steps.map(|n| [0, 1, 2].map(|axis| (0..3).map(|k| n[k] * vectors[k][axis]).sum())).collect();
-    let touch = |a: &Sphere, b: &Sphere| {
+    pairs_by(spheres.len(), |i, j| {
+        let (a, b) = (&spheres[i], &spheres[j]);
         let d = [0, 1, 2].map(|axis| f64::from(a.center[axis]) - f64::from(b.center[axis]));
         let cutoff = f64::from(a.radius) + f64::from(b.radius);
         images
             .iter()
             .any(|image| (0..3).map(|axis| (d[axis] + image[axis]).powi(2)).sum::<f64>() <= cutoff * cutoff)
-    };
-    let n = spheres.len();
-    let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| [i, j]));
-    pairs.filter(|&[i, j]| touch(&spheres[i], &spheres[j])).map(|pair| pair.map(|k| k as u32)).collect()
+    })
 }
 
 #[test]

@@ -4,10 +4,10 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use lazygrid_tests::command::{Scratch, has_gpu, npy, table};
+use lazygrid_tests::command::{Scratch, has_gpu, npy, npy_bytes, table};
 use serde_json::json;
 
-use crate::{LAZYGRID, detect};
+use crate::{LAZYGRID, detect, pairs_by};
 
 type Rows = Vec<[f64; 4]>;
 type CellVectors = [Option<[f64; 3]>; 3];
@@ -36,12 +36,11 @@ fn brute_force(rows: &[[f64; 4]], vectors: &CellVectors) -> Vec<[u32; 2]> {
     let multiples = (0..27).map(|k| [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1].map(f64::from));
     let is_image = |s: &[f64; 3]| (0..3).all(|k| s[k] == 0.0 || vectors[k].is_some());
     let multiples: Vec<_> = multiples.filter(is_image).collect();
-    let touch = |a: &[f64; 4], b: &[f64; 4]| {
+    pairs_by(rows.len(), |i, j| {
+        let (a, b) = (&rows[i], &rows[j]);
         let cutoff = a[3] + b[3];
         multiples.iter().any(|&s| dot(image(a, b, vectors, s)) <= cutoff * cutoff)
-    };
-    let pairs = (0..rows.len()).flat_map(|i| (i + 1..rows.len()).map(move |j| [i, j]));
-    pairs.filter(|&[i, j]| touch(&rows[i], &rows[j])).map(|pair| pair.map(|k| k as u32)).collect()
+    })
 }
 
 fn in_f32(rows: &[[f64; 4]]) -> Rows {
@@ -93,15 +92,9 @@ fn dump(rows: &[[f64; 4]], bounds: &str) -> String {
     format!("{head}ITEM: BOX BOUNDS {bounds}\nITEM: ATOMS x y z radius\n{}", lines(rows, " "))
 }
 
-fn array(descr: &str, shape: &str, data: Vec<u8>) -> Vec<u8> {
-    let header = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n");
-    let start = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
-    [start, data].concat()
-}
-
 fn doubles(rows: &[[f64; 4]]) -> Vec<u8> {
-    let data = rows.as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect();
-    array("'<f8'", &format!("({}, 4)", rows.len()), data)
+    let data: Vec<u8> = rows.as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect();
+    npy_bytes("'<f8'", &format!("({}, 4)", rows.len()), &data)
 }
 
 fn check(scratch: &Scratch, file: &str, options: &[&str], expected: &[[u32; 2]]) {
@@ -243,7 +236,7 @@ fn precision_follows_the_file_unless_it_is_given() {
         rows.as_flattened().iter().flat_map(|&number| (number as f32).to_le_bytes()).collect();
     let [wide_file, narrow_file] = ["wide.npy", "narrow.npy"].map(|name| scratch.path(name));
     fs::write(&wide_file, doubles(&rows)).unwrap();
-    fs::write(&narrow_file, array("'<f4'", &format!("({}, 4)", rows.len()), narrow)).unwrap();
+    fs::write(&narrow_file, npy_bytes("'<f4'", &format!("({}, 4)", rows.len()), &narrow)).unwrap();
     let text = scratch.write("a.csv", &csv(&rows));
     for file in [&wide_file, &text] {
         for options in [&[][..], &["--precision", "auto"], &["--precision", "f64"]] {
@@ -266,7 +259,7 @@ fn given_radii_are_not_rounded() {
     let descr = "[('species', '<i4'), ('x', '<f4'), ('y', '<f4'), ('z', '<f4')]";
     let row = |x: f32| [&7_i32.to_le_bytes()[..], &x.to_le_bytes(), &[0; 8]].concat();
     let file = scratch.path("a.npy");
-    fs::write(&file, array(descr, "(2,)", [row(0.0), row(0.2)].concat())).unwrap();
+    fs::write(&file, npy_bytes(descr, "(2,)", &[row(0.0), row(0.2)].concat())).unwrap();
     for (radius, precision, pairs) in [("0.1", "f64", 0), ("0.125", "f32", 1)] {
         let object = detect([&file, "--json", "--radius", &format!("7={radius}")]).succeeds().json();
         assert_eq!((&object["precision"], &object["pairs"]), (&json!(precision), &json!(pairs)), "{radius}");
