@@ -8,9 +8,10 @@ pub(crate) mod periodic;
 pub(crate) mod scenes;
 
 use adapter::or_skip;
+pub(crate) use adapter::skip::skip;
 use bytemuck::Pod;
 use lazygrid::gpu::{GpuDevice, GpuSession, SoftwareAdapter, Ticket, wgpu};
-use lazygrid::{Interaction, Pair, Sphere, Spheres};
+use lazygrid::{Backend, Config, Detector, Interaction, Pair, Sphere, Spheres};
 pub(crate) use lazygrid_check::Random;
 use lazygrid_check::{SpeciesSetup, device};
 use lazygrid_kernels::kernel::{Kernel, Variant};
@@ -24,6 +25,33 @@ pub(crate) fn device() -> Option<GpuDevice> {
 /// A device that a test may destroy.
 pub(crate) fn new_device() -> Option<GpuDevice> {
     or_skip(GpuDevice::open(SoftwareAdapter::Allow))
+}
+
+/// Multiples of 1/64, so that results agree exactly.
+pub(crate) fn exact_cloud(
+    random: &mut Random,
+    n: usize,
+    extent: u32,
+    radius: impl Fn(&mut Random) -> f32,
+) -> Vec<Sphere> {
+    let mut sphere = || {
+        let center = [0; 3].map(|_| (random.word() % (extent * 64)) as f32 / 64.0);
+        Sphere::new(center, radius(random))
+    };
+    (0..n).map(|_| sphere()).collect()
+}
+
+pub(crate) fn detector(config: Config) -> Detector {
+    Detector::new(config).expect("an adapter, and settings in range")
+}
+
+pub(crate) fn gpu_detector(config: Config) -> Detector {
+    detector(config.backend(Backend::Gpu))
+}
+
+pub(crate) fn cpu_pairs(spheres: &[Sphere]) -> Vec<Pair> {
+    let mut detector = detector(Config::default().backend(Backend::Cpu));
+    detector.pairs(spheres).expect("valid").to_vec()
 }
 
 pub(crate) fn finished(session: &mut GpuSession, ticket: Ticket) -> Vec<Pair> {

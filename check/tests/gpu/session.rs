@@ -1,6 +1,8 @@
 use std::ops::ControlFlow;
 
-use crate::common::{Random, device, finished, limited, session_count, session_pairs};
+use crate::common::{
+    Random, cpu_pairs, device, exact_cloud, finished, gpu_detector, limited, session_count, session_pairs,
+};
 use lazygrid::gpu::{GpuConfig, GpuSession, wgpu};
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, RebuildReason,
@@ -8,24 +10,8 @@ use lazygrid::{
 };
 use lazygrid_check::detectors::results::pairs_among;
 
-/// Multiples of a power of two, so that results agree exactly.
 fn cloud(seed: u64, n: usize, extent: u32) -> Vec<Sphere> {
-    let mut random = Random(seed);
-    (0..n)
-        .map(|_| {
-            let center = [0; 3].map(|_| (random.word() % (extent * 64)) as f32 / 64.0);
-            Sphere::new(center, (random.word() % 32) as f32 / 64.0)
-        })
-        .collect()
-}
-
-fn expected(spheres: &[Sphere]) -> Vec<Pair> {
-    let mut detector = Detector::new(Config::default().backend(Backend::Cpu)).expect("the CPU");
-    detector.pairs(spheres).expect("valid").to_vec()
-}
-
-fn gpu_detector(config: Config) -> Detector {
-    Detector::new(config.backend(Backend::Gpu)).expect("an adapter")
+    exact_cloud(&mut Random(seed), n, extent, |random| (random.word() % 32) as f32 / 64.0)
 }
 
 fn streamed(detector: &mut Detector, spheres: &[Sphere]) -> Vec<Pair> {
@@ -46,7 +32,7 @@ fn lists_counts_neighbors_and_streams_agree_with_the_cpu() {
         let mut detector = gpu_detector(Config::default().algorithm(algorithm));
         for (n, extent) in [(0, 1), (1, 1), (2, 1), (3000, 10), (300, 2), (12_000, 25), (5000, 4)] {
             let spheres = cloud(n as u64, n, extent);
-            let wanted = expected(&spheres);
+            let wanted = cpu_pairs(&spheres);
             assert_eq!(detector.pairs(&spheres).expect("found"), wanted, "{n} {algorithm}");
             assert_eq!(detector.count(&spheres).expect("counted"), wanted.len() as u64);
             let lists = detector.neighbors(&spheres).expect("neighbors");
@@ -70,7 +56,7 @@ fn columns_are_accepted() {
     };
     let [x, y, z, r] = [0, 1, 2, 3].map(column);
     let columns = Spheres::columns(&x, &y, &z, &r).expect("one length");
-    assert_eq!(gpu_detector(Config::default()).pairs(columns).expect("found"), expected(&spheres));
+    assert_eq!(gpu_detector(Config::default()).pairs(columns).expect("found"), cpu_pairs(&spheres));
 }
 
 #[test]
@@ -89,7 +75,7 @@ fn large_result_is_delivered_in_windows() {
     let Some(gpu) = device() else { return };
     let mut spheres = cloud(2, 3000, 10);
     spheres.extend(vec![Sphere::new([1.5; 3], 0.25); 500]);
-    let wanted = expected(&spheres);
+    let wanted = cpu_pairs(&spheres);
     let settings = GpuConfig::default().pair_capacity(5000);
     assert!(wanted.len() > 100_000);
     let mut session = GpuSession::new(gpu, settings).expect("made");
@@ -118,12 +104,12 @@ fn third_call_in_flight_is_refused() {
         let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
         let third = session.begin(Spheres::from(&scenes[k])).expect_err("two are in flight");
         assert_eq!(third, Error::TooManyInFlight { calls: 2 });
-        assert_eq!(finished(&mut session, before), expected(&scenes[k - 1]));
+        assert_eq!(finished(&mut session, before), cpu_pairs(&scenes[k - 1]));
         before = next;
     }
     let mut pairs = pollster::block_on(session.finish_async(before, u64::MAX)).expect("found").to_vec();
     pairs.sort_unstable();
-    assert_eq!(pairs, expected(&scenes[5]));
+    assert_eq!(pairs, cpu_pairs(&scenes[5]));
 }
 
 #[test]
@@ -162,7 +148,7 @@ fn crowded_searches_continue_over_several_submissions() {
             let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
             let scene = &scenes[(k + 2) % 3];
             let pairs = finished(&mut session, before);
-            assert!(pairs == expected(scene), "{algorithm}, {k}: {}", pairs.len());
+            assert!(pairs == cpu_pairs(scene), "{algorithm}, {k}: {}", pairs.len());
             assert!(
                 session.outcome().deferred_blocks > 4 && !session.outcome().has_remaining_work(),
                 "{algorithm}"
@@ -170,7 +156,7 @@ fn crowded_searches_continue_over_several_submissions() {
             before = next;
         }
         let found = session.finish_count(before).expect("counted");
-        assert_eq!(found, expected(&scenes[0]).len() as u64, "{algorithm}");
+        assert_eq!(found, cpu_pairs(&scenes[0]).len() as u64, "{algorithm}");
     }
 }
 
@@ -186,7 +172,7 @@ fn retried_call_keeps_its_algorithm_and_pairs() {
         spheres.extend((0..50).map(|k| Sphere::new(center, 0.5_f32.powi(1 + k % 20))));
     }
     let other = cloud(5, 3000, 10);
-    let (wanted, wanted_of_other) = (expected(&spheres), expected(&other));
+    let (wanted, wanted_of_other) = (cpu_pairs(&spheres), cpu_pairs(&other));
     for [first, then] in
         [[Algorithm::LazyGrid, Algorithm::EagerGrid], [Algorithm::EagerGrid, Algorithm::LazyGrid]]
     {
@@ -217,7 +203,7 @@ fn one_level_is_used_if_entries_exceed_the_limit() {
         assert_eq!(session.algorithm(), Algorithm::ArrayGrid);
     }
     let few = cloud(6, 1000, 8);
-    assert_eq!(session_count(&mut session, &few), expected(&few).len() as u64);
+    assert_eq!(session_count(&mut session, &few), cpu_pairs(&few).len() as u64);
     assert_eq!(session.algorithm(), Algorithm::LazyGrid);
 }
 
@@ -236,7 +222,7 @@ fn stream_grows_the_output_for_a_giant() {
         ControlFlow::Continue(())
     });
     handed.sort_unstable();
-    assert_eq!((streamed, handed == expected(&spheres)), (Ok(()), true));
+    assert_eq!((streamed, handed == cpu_pairs(&spheres)), (Ok(()), true));
 }
 
 #[test]
@@ -297,7 +283,7 @@ fn dropped_ticket_frees_its_slot() {
         drop(tickets.remove(dropped));
         let third = session.begin(Spheres::from(&scenes[3])).expect("there is room again");
         for (ticket, scene) in [(third, 3), (tickets.remove(0), 1 - dropped)] {
-            assert_eq!(finished(&mut session, ticket), expected(&scenes[scene]));
+            assert_eq!(finished(&mut session, ticket), cpu_pairs(&scenes[scene]));
         }
     }
 }
@@ -309,7 +295,7 @@ fn unordered_lists_have_the_same_pairs() {
     let mut pairs =
         gpu_detector(Config::default().order(Order::Unordered)).pairs(&spheres).expect("found").to_vec();
     pairs.sort_unstable();
-    assert_eq!(pairs, expected(&spheres));
+    assert_eq!(pairs, cpu_pairs(&spheres));
 }
 
 #[test]
@@ -352,7 +338,7 @@ fn slowly_moving_spheres_have_a_new_layout_every_seventeenth_call() {
         let mut reused = Vec::new();
         for call in 0..19 {
             let pairs = session_pairs(&mut session, &spheres);
-            assert!(pairs == expected(&spheres), "{n} spheres, call {call}: {} pairs", pairs.len());
+            assert!(pairs == cpu_pairs(&spheres), "{n} spheres, call {call}: {} pairs", pairs.len());
             let counts = session.submissions();
             assert_eq!(counts.searches, 1, "{n} spheres, call {call}");
             reused.push(counts.reused_layouts == 1);
@@ -370,14 +356,14 @@ fn calls_in_flight_are_repeated_if_reused_cells_do_not_suit() {
     let settings = GpuConfig::default().algorithm(Algorithm::CellList);
     let mut session = GpuSession::new(gpu, settings).expect("made");
     let small = cloud(3, 3000, 20);
-    assert_eq!(session_count(&mut session, &small), expected(&small).len() as u64);
+    assert_eq!(session_count(&mut session, &small), cpu_pairs(&small).len() as u64);
     let mut large = small.clone();
     large.iter_mut().step_by(2).for_each(|sphere| sphere.radius *= 4.0);
     let crowd = vec![Sphere::new([3.0; 3], 0.25); 3000];
     let tickets = [&large, &crowd].map(|spheres| session.begin(Spheres::from(spheres)).expect("begun"));
     for (ticket, spheres) in tickets.into_iter().zip([&large, &crowd]) {
         let pairs = finished(&mut session, ticket);
-        assert!(pairs == expected(spheres), "{} pairs", pairs.len());
+        assert!(pairs == cpu_pairs(spheres), "{} pairs", pairs.len());
         let counts = session.submissions();
         assert!(counts.reused_layouts == 1 && counts.searches > 1, "{counts:?}");
     }

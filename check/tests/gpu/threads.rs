@@ -4,21 +4,11 @@ use std::ops::ControlFlow;
 use std::thread;
 use std::time::Duration;
 
-use crate::common::{Random, device};
+use crate::common::{Random, detector, device, exact_cloud};
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession};
-use lazygrid::{Algorithm, Backend, Config, Detector, Error, Pair, Sphere, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Error, Pair, Sphere, Spheres};
 
 const ALGORITHMS: [Algorithm; 3] = [Algorithm::CellList, Algorithm::LazyGrid, Algorithm::Naive];
-
-/// Multiples of a power of two, so that results agree exactly.
-fn cloud(random: &mut Random, n: usize) -> Vec<Sphere> {
-    let mut sphere = || Sphere::new([0; 3].map(|_| (random.word() % 512) as f32 / 64.0), 0.25);
-    (0..n).map(|_| sphere()).collect()
-}
-
-fn detector(config: Config) -> Detector {
-    Detector::new(config).expect("the settings are in range")
-}
 
 fn sorted(session: &mut GpuSession, spheres: &[Sphere], abandons: bool) -> Vec<Pair> {
     let [first, second] = [0, 1].map(|_| session.begin(Spheres::from(spheres)).expect("begun"));
@@ -44,7 +34,7 @@ fn run(gpu: &GpuDevice, seed: u64) {
         let mut session = GpuSession::new(gpu.clone(), settings).expect("made");
         for _ in 0..3 {
             let count = 200 + random.word() as usize % 800;
-            let spheres = cloud(&mut random, count);
+            let spheres = exact_cloud(&mut random, count, 8, |_| 0.25);
             let expected = cpu.pairs(&spheres).expect("valid").to_vec();
             let found = expected.len() as u64;
             assert_eq!(
