@@ -14,6 +14,11 @@ fn bench(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
     BENCH.run(args)
 }
 
+/// Returns arguments for the smallest sizes, and for a time within which a busy machine measures every point.
+fn smallest<'a>(folder: &'a Path, more: &[&'a str]) -> Vec<&'a str> {
+    [&["figures", "--smoke", "--budget-minutes", "600", "--out", path(folder)][..], more].concat()
+}
+
 fn read(folder: &Path, name: &str) -> String {
     fs::read_to_string(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
@@ -29,7 +34,7 @@ fn path(folder: &Path) -> &str {
 #[test]
 fn smallest_figures_are_right() {
     let folder = tempfile::tempdir().unwrap();
-    let run = bench(["figures", "--smoke", "--out", path(folder.path())]).succeeds();
+    let run = bench(smallest(folder.path(), &[])).succeeds();
     assert!(run.out.contains("0 with a wrong answer"), "{}", run.out);
 
     let results = results(folder.path());
@@ -75,7 +80,7 @@ fn smallest_figures_are_right() {
     );
     let text = read(folder.path(), "results.md");
     assert!(text.contains("| engine |"));
-    assert!(text.contains(&format!("figures --smoke --out {}\n```", path(folder.path()))), "{text}");
+    assert!(text.contains(&format!("{}\n```", smallest(folder.path(), &[]).join(" "))), "{text}");
     assert!(!page.contains('`'), "Markdown in HTML");
     for plot in [
         "figure-3a",
@@ -92,7 +97,7 @@ fn smallest_figures_are_right() {
 fn interrupted_run_resumes() {
     let folder = tempfile::tempdir().unwrap();
     let run = |only: &str| {
-        bench(["figures", "--smoke", "--only", only, "--out", path(folder.path())]).succeeds();
+        bench(smallest(folder.path(), &["--only", only])).succeeds();
         results(folder.path())["rows"].as_array().unwrap().clone()
     };
     let first = run("point,tau");
@@ -108,7 +113,7 @@ fn interrupted_run_resumes() {
 #[test]
 fn lammps_named_after_a_run_takes_part_in_the_next() {
     let folder = tempfile::tempdir().unwrap();
-    let args = ["figures", "--smoke", "--only", "tau,step-length", "--out", path(folder.path())];
+    let args = smallest(folder.path(), &["--only", "tau,step-length"]);
     let rows = |is_lammps: bool| {
         let mut rows = results(folder.path())["rows"].as_array().unwrap().clone();
         rows.retain(|row| match is_lammps {
@@ -117,7 +122,7 @@ fn lammps_named_after_a_run_takes_part_in_the_next() {
         });
         rows
     };
-    bench(args).succeeds();
+    bench(&args).succeeds();
     let (first, others) = (rows(true), rows(false));
     assert!(!first.is_empty() && first.iter().all(|row| row["status"] == "not-available"), "{first:?}");
     for library in ["/nowhere/liblammps.so", "/elsewhere/liblammps.so"] {
@@ -134,7 +139,7 @@ fn lammps_named_after_a_run_takes_part_in_the_next() {
 fn documents_of_the_last_run_are_replaced_not_rewritten() {
     let folder = tempfile::tempdir().unwrap();
     let run = |only: &str| {
-        bench(["figures", "--smoke", "--only", only, "--out", path(folder.path())]).succeeds();
+        bench(smallest(folder.path(), &["--only", only])).succeeds();
     };
     run("tau");
     fs::write(folder.path().join("gpu.md"), "old").unwrap();
@@ -155,13 +160,14 @@ fn documents_of_the_last_run_are_replaced_not_rewritten() {
 fn compare_reports_slower_measurements() {
     let folder = tempfile::tempdir().unwrap();
     let [old, new] = ["old", "new"].map(|name| folder.path().join(name));
-    bench(["figures", "--smoke", "--only", "tau", "--runs", "5", "--out", path(&old)]).succeeds();
+    bench(smallest(&old, &["--only", "tau", "--runs", "5"])).succeeds();
     let same = bench(["compare", path(&old), path(&old)]).succeeds();
     assert!(same.out.contains("0 broken, 0 lost, 0 slower, 0 faster"), "{}", same.out);
 
     let mut slow = results(&old);
     for time in slow["rows"][0]["wall"].as_array_mut().unwrap() {
-        *time = (time.as_f64().unwrap() * 100.0).into();
+        // More than runs of a busy machine differ.
+        *time = (time.as_f64().unwrap() * 1e6).into();
     }
     slow["rows"][1]["status"] = "error".into();
     slow["rows"].as_array_mut().unwrap().remove(2);
@@ -179,13 +185,13 @@ fn compare_reports_slower_measurements() {
 #[test]
 fn wrong_answer_is_an_error_with_closed_output() {
     let folder = tempfile::tempdir().unwrap();
-    let args = ["figures", "--smoke", "--only", "point", "--out", path(folder.path())];
-    bench(args).succeeds();
+    let args = smallest(folder.path(), &["--only", "point"]);
+    bench(&args).succeeds();
     let point = fs::read_dir(folder.path().join("points")).unwrap().next().unwrap().unwrap().path();
     let mut cached_point: Value = serde_json::from_str(&fs::read_to_string(&point).unwrap()).unwrap();
     cached_point["rows"][0]["status"] = "error".into();
     fs::write(&point, cached_point.to_string()).unwrap();
-    assert_eq!(BENCH.run_with_closed_output(args).code, Some(1));
+    assert_eq!(BENCH.run_with_closed_output(&args).code, Some(1));
     assert!(bench(args).fails().out.contains("1 with a wrong answer"));
 }
 
