@@ -189,3 +189,12 @@ fn syntax(source: &Source, expected: &str, found: &str) -> Error {
         found: found.to_owned(),
     }
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    pub(crate) fn file(version: u8, header: &str, data: &[u8]) -> Vec<u8> {
+        let length = (header.len() as u32).to_le_bytes();
+        let width = if version == 1 { 2 } else { 4 };
+        [super::MAGIC, &[version, 0], &length[..width], header.as_bytes(), data].concat()
+    }
+}

@@ -134,11 +134,7 @@ mod tests {
 
     fn file(descr: &str, fortran: &str, shape: &str, data: &[u8]) -> Vec<u8> {
         let header = format!("{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}\n");
-        let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-        bytes.extend((header.len() as u16).to_le_bytes());
-        bytes.extend(header.as_bytes());
-        bytes.extend(data);
-        bytes
+        super::super::tests::file(1, &header, data)
     }
 
     fn read(bytes: Vec<u8>) -> Result<(Vec<u64>, Vec<f32>), Error> {

@@ -74,12 +74,9 @@ impl NpyRows {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::file;
     use super::*;
     use crate::read::Frames;
-
-    fn file(text: &str, data: &[u8]) -> Vec<u8> {
-        [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), data].concat()
-    }
 
     fn data(rows: u32) -> Vec<u8> {
         (0..4 * rows).flat_map(|k| (k as f32).to_le_bytes()).collect()
@@ -94,7 +91,7 @@ mod tests {
         let structured = "{'descr': [('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('r', '<f4')], \
                            'fortran_order': False, 'shape': (10,), }";
         for text in [plain, spelled, structured] {
-            std::fs::write(&path, file(text, &data(10))).unwrap();
+            std::fs::write(&path, file(1, text, &data(10))).unwrap();
             let whole = Frames::open(&path, Options::default()).unwrap().next().unwrap().unwrap();
             for rows in [0..10, 0..3, 3..4, 7..10, 5..5, 8..99, 99..100] {
                 let file_rows = NpyRows::open(&path).unwrap().unwrap();
@@ -113,7 +110,7 @@ mod tests {
         let mut rows = data(2);
         rows[16..20].copy_from_slice(b"\x1F\x8B\x08\x00");
         let text = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 4), }";
-        std::fs::write(&path, file(text, &rows)).unwrap();
+        std::fs::write(&path, file(1, text, &rows)).unwrap();
         let (frame, _) = NpyRows::open(&path).unwrap().unwrap().read(1..2, Options::default()).unwrap();
         assert_eq!(frame.spheres[0].radius, 7.0);
     }
@@ -125,7 +122,7 @@ mod tests {
         let mut rows = data(10);
         rows[8 * 16 + 12..][..4].copy_from_slice(&(-1.0_f32).to_le_bytes());
         let text = "{'descr': '<f4', 'fortran_order': False, 'shape': (10, 4), }";
-        std::fs::write(&path, file(text, &rows)).unwrap();
+        std::fs::write(&path, file(1, text, &rows)).unwrap();
         let error = NpyRows::open(&path).unwrap().unwrap().read(5..10, Options::default()).unwrap_err();
         assert!(error.to_string().contains("a.npy, row 8: "), "{error}");
     }
@@ -135,7 +132,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.npy");
         let open = |text: &str, data: &[u8]| {
-            std::fs::write(&path, file(text, data)).unwrap();
+            std::fs::write(&path, file(1, text, data)).unwrap();
             NpyRows::open(&path).map(|rows| rows.map(|rows| rows.count())).map_err(|error| error.to_string())
         };
         let text = |order: &str, shape: &str| {

@@ -1,10 +1,5 @@
+use super::npy::tests::file as npy;
 use super::*;
-
-pub(super) fn npy(version: u8, header: &str, data: &[u8]) -> Vec<u8> {
-    let length = header.len() as u32;
-    let width = if version == 1 { 2 } else { 4 };
-    [npy::MAGIC, &[version, 0], &length.to_le_bytes()[..width], header.as_bytes(), data].concat()
-}
 
 pub(super) fn header(descr: &str, fortran: bool, rows: u64) -> String {
     let fortran = if fortran { "True" } else { "False" };

@@ -32,7 +32,7 @@ fn compressed_files_read_as_the_originals() {
     ] {
         assert_eq!(rows(name, bytes, &[]), TWO, "{name}");
     }
-    let array = arrays::npy(1, &arrays::header("<f4", false, 2), bytemuck::cast_slice(&TWO));
+    let array = npy::tests::file(1, &arrays::header("<f4", false, 2), bytemuck::cast_slice(&TWO));
     assert_eq!(rows("a.npy.gz", gzip(&array), &[]), TWO);
     assert_eq!(rows("a.npy.zst", zstd(&array), &[]), TWO);
     assert_eq!(Format::from_extension(Path::new("run.lammpstrj.gz")), Some(Format::Lammps));

@@ -10,11 +10,7 @@ fn doubles(name: &str, bytes: impl Into<Vec<u8>>, radii: &[(&str, f64)]) -> Resu
 
 fn npy(descr: &str, fortran: &str, shape: &str, numbers: &[f64]) -> Vec<u8> {
     let header = format!("{{'descr': {descr}, 'fortran_order': {fortran}, 'shape': {shape}, }}\n");
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.as_bytes());
-    bytes.extend(numbers.iter().flat_map(|number| number.to_le_bytes()));
-    bytes
+    npy::tests::file(1, &header, &numbers.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<_>>())
 }
 
 /// No `f32` numbers; one is beyond their range.

@@ -1,4 +1,4 @@
-use super::arrays::npy;
+use super::npy::tests::file as npy;
 use super::*;
 
 #[test]
