@@ -154,7 +154,7 @@ fn run_two_ranks(arguments: [&[&str]; 2], code: i32) -> String {
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", command, "simulate"];
     let [one, other] = arguments;
     let output = Command::new("mpirun")
-        .args(["--oversubscribe", "--timeout", "60"])
+        .args(["--oversubscribe", "--timeout", "300"])
         .args([&rank[..], one, &[":"], &rank[..], other].concat())
         .output()
         .unwrap();
@@ -184,11 +184,13 @@ fn threads_may_be_given_to_some_ranks_only() {
 fn signal_ends_a_run_with_a_checkpoint_and_its_exit_code() {
     let directory = tempfile::tempdir().unwrap();
     let (burst, output) = (scenario("burst"), directory.path().join("out"));
-    let rank = "timeout --preserve-status -s TERM 4 \"$0\" \"$@\"; echo \"code $?\"";
+    let rank = "\"$0\" \"$@\" & rank=$!; until [ -e \"$CHECKPOINT\" ]; do sleep 0.1; done; \
+                kill -TERM $rank; wait $rank; echo \"code $?\"";
     let ended = Command::new("mpirun")
-        .args(["--oversubscribe", "--timeout", "60", "-n", "2", "sh", "-c", rank])
+        .args(["--oversubscribe", "--timeout", "300", "-n", "2", "sh", "-c", rank])
         .args([env!("CARGO_BIN_EXE_lazygrid-mpi"), "simulate", "--steps", "100000000", "-o"])
         .args([&output, &burst])
+        .env("CHECKPOINT", output.join("checkpoint"))
         .output()
         .unwrap();
     let [out, said] = [ended.stdout, ended.stderr].map(|text| String::from_utf8(text).unwrap());

@@ -124,6 +124,8 @@ fn scene() -> impl Strategy<Value = Scene> {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn few_ranks(scene in scene()) {
         scene.check();
@@ -131,7 +133,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(32) })]
 
     #[test]
     fn many_ranks(scene in scene(), ranks in select(vec![64, 100, 512])) {

@@ -46,12 +46,15 @@ fn pairs<'a>(spheres: impl Into<Spheres<'a>>, space: Space) -> Vec<[u32; 2]> {
     detector.pairs(spheres.into()).unwrap().iter().map(|pair| [pair.i, pair.j]).collect()
 }
 
+fn array(header: &str, data: &[u8]) -> Vec<u8> {
+    let length = (header.len() as u16).to_le_bytes();
+    [b"\x93NUMPY\x01\x00", &length[..], header.as_bytes(), data].concat()
+}
+
 fn npy(spheres: &[Sphere]) -> Vec<u8> {
     let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, 4), }}", spheres.len());
-    let text = format!("{text:<117}\n");
     let rows = spheres.iter().flat_map(|s| [s.center.x, s.center.y, s.center.z, s.radius]);
-    let data: Vec<u8> = rows.flat_map(f32::to_le_bytes).collect();
-    [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), &data].concat()
+    array(&format!("{text:<117}\n"), &rows.flat_map(f32::to_le_bytes).collect::<Vec<u8>>())
 }
 
 fn rows(spheres: &[Sphere]) -> impl Iterator<Item = String> {
@@ -154,7 +157,7 @@ fn run_two_ranks(directory: &Path, arguments: [&[&str]; 2], code: i32) -> String
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", env!("CARGO_BIN_EXE_lazygrid-mpi")];
     let [one, other] = arguments;
     let output = Command::new("mpirun")
-        .args(["--oversubscribe", "--timeout", "60"])
+        .args(["--oversubscribe", "--timeout", "300"])
         .args([&rank[..], one, &[":"], &rank[..], other].concat())
         .current_dir(directory)
         .output()
@@ -226,7 +229,7 @@ fn arguments_of_one_rank_that_are_no_command_end_all_ranks() {
 fn codes_within(mebibytes: u32, directory: &Path, file: &str) -> (Vec<String>, String) {
     let script = format!("ulimit -v {}; \"$0\" \"$@\"; echo \"code $?\"", mebibytes << 10);
     let output = Command::new("mpirun")
-        .args(["--oversubscribe", "--timeout", "120", "-n", "3", "sh", "-c", &script])
+        .args(["--oversubscribe", "--timeout", "300", "-n", "3", "sh", "-c", &script])
         .arg(env!("CARGO_BIN_EXE_lazygrid-mpi"))
         .args(["detect", file, "--backend", "cpu", "--threads", "1", "-o", "pairs.npy"])
         .env("MALLOC_ARENA_MAX", "1")
@@ -385,9 +388,7 @@ fn array_headers_of_any_spelling_are_read() {
         ("{\"shape\" : ( 300 , 4 ), 'descr': '<f4', 'fortran_order':False}", &c),
     ] {
         let numbers: Vec<u8> = numbers.iter().copied().flat_map(f32::to_le_bytes).collect();
-        let length = (text.len() as u16).to_le_bytes();
-        let bytes = [b"\x93NUMPY\x01\x00", &length[..], text.as_bytes(), &numbers].concat();
-        std::fs::write(directory.path().join("all.npy"), bytes).unwrap();
+        std::fs::write(directory.path().join("all.npy"), array(text, &numbers)).unwrap();
         stdout(3, directory.path(), &["all.npy", "-o", "pairs.csv", "--gather"]);
         let found = std::fs::read_to_string(directory.path().join("pairs.csv")).unwrap();
         assert!(found == expected, "{text}");

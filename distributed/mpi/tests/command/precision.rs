@@ -4,7 +4,7 @@ use std::path::Path;
 use lazygrid::{Space, Sphere};
 use serde_json::{Value, json};
 
-use crate::{csv, error, npy, pairs, run, stdout};
+use crate::{array, csv, error, npy, pairs, run, stdout};
 
 type Rows = Vec<[f64; 4]>;
 
@@ -41,7 +41,7 @@ fn lines(rows: &[[f64; 4]], separator: &str) -> String {
 fn doubles(rows: &[[f64; 4]]) -> Vec<u8> {
     let text = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 4), }}\n", rows.len());
     let data: Vec<u8> = rows.as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect();
-    [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), &data].concat()
+    array(&text, &data)
 }
 
 fn detect(directory: &Path, ranks: usize, arguments: &[&str]) -> (Value, String) {
