@@ -2,16 +2,31 @@
 
 from __future__ import annotations
 
-from typing import Union
+import os
+from collections.abc import Callable
+from typing import TypeVar, Union
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
+import lazygrid
+
 Rows = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]
 Box = tuple[Union[float, None], ...]
 OPEN: Box = (None, None, None)
+Made = TypeVar("Made")
+
+
+def on_gpu(make: Callable[[], Made]) -> Made:
+    """What ``make`` makes on a GPU. Without one the test is skipped, or fails if ``LAZYGRID_REQUIRE_GPU`` is set."""
+    try:
+        return make()
+    except lazygrid.Error as error:
+        is_missing = any(why in str(error) for why in ("no GPU adapter", "without its feature `gpu`"))
+        assert is_missing and "LAZYGRID_REQUIRE_GPU" not in os.environ, error
+        pytest.skip(str(error))
 
 
 def brute_force(rows: Rows | Doubles, periodic: Box = OPEN) -> npt.NDArray[np.uint32]:

@@ -222,7 +222,7 @@ assert table[0, 1] == 0.5
 
 def test_exceptions_of_interactions_may_use_the_table() -> None:
     # With the table locked it would wait for ever.
-    subprocess.run([sys.executable, "-c", REENTRANT], check=True, timeout=60)
+    subprocess.run([sys.executable, "-c", REENTRANT], check=True, timeout=600)
 
 
 def test_interactions_say_which_species_pair(spheres: Rows) -> None:

@@ -32,16 +32,42 @@ def heard() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-def interrupted(call: Callable[[], Any]) -> None:
+def interrupted(call: Callable[[], Any], seconds: float = 20) -> None:
+    """Python raises the same error after a call that was not interrupted, which uses more ``seconds`` of processors."""
     timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
+    began = time.process_time()
     with pytest.raises(KeyboardInterrupt):
+        timer.start()
         call()
     timer.join()
+    assert time.process_time() - began < seconds
+
+
+def others_run_during(call: Callable[[], Any]) -> bool:
+    """Another thread runs in the middle of a call: at its ends the interpreter's lock may change hands anyway."""
+    ticks: list[float] = []
+    done = threading.Event()
+
+    def tick() -> None:
+        while not done.wait(0.001):
+            ticks.append(time.monotonic())
+
+    worker = threading.Thread(target=tick)
+    worker.start()
+    began = time.monotonic()
+    call()
+    taken = time.monotonic() - began
+    done.set()
+    worker.join()
+    return any(0.3 < (at - began) / taken < 0.7 for at in ticks)
+
+
+# On a busy machine the other thread may not run in a short call.
+TRIES = 10
 
 
 def test_a_search_ends_and_the_detector_can_be_used_again() -> None:
-    detector = lazygrid.Detector(backend="cpu", algorithm="naive")
+    detector = lazygrid.Detector(backend="cpu", algorithm="naive", threads=2)
     interrupted(lambda: detector.count(ROWS))
     interrupted(lambda: detector.pairs(ROWS))
     interrupted(lambda: detector.count(ROWS, ROWS))
@@ -49,7 +75,7 @@ def test_a_search_ends_and_the_detector_can_be_used_again() -> None:
 
 
 def test_a_stream_can_be_waited_for_and_left() -> None:
-    detector = lazygrid.Detector(backend="cpu", algorithm="naive", order="unordered")
+    detector = lazygrid.Detector(backend="cpu", algorithm="naive", order="unordered", threads=2)
     chunks = detector.stream(ROWS)
     interrupted(lambda: next(chunks))
     chunks.close()
@@ -60,24 +86,12 @@ def test_a_run_ends() -> None:
     species = {"name": "a", "radius": 0.1, "diffusion": 1.0}
     burst = {"name": "t", "center": [0, 0, 0], "shape": {"kind": "point"}, "release": [{"species": "a", "count": 9}]}
     scenario = {"time-step": 1e-3, "steps": 1_000_000_000, "species": [species], "transmitter": [burst]}
-    interrupted(lambda: lazygrid.simulate(scenario, every=1_000_000))
+    interrupted(lambda: lazygrid.simulate(scenario, every=1_000_000, threads=2))
 
 
 def test_other_threads_go_on_meanwhile() -> None:
     detector = lazygrid.Detector(backend="cpu", algorithm="naive")
-    ended = threading.Event()
-    steps = 0
-
-    def count() -> None:
-        detector.count(ROWS[:60_000])
-        ended.set()
-
-    worker = threading.Thread(target=count)
-    worker.start()
-    while not ended.is_set():
-        steps += 1
-    worker.join()
-    assert steps > 0
+    assert any(others_run_during(lambda: detector.count(ROWS[:60_000])) for _ in range(TRIES))
 
 
 OPEN_STREAMS = """
@@ -102,7 +116,7 @@ assert first[0].tolist() == [0, 1]
 
 
 def test_open_streams_block_no_other_call() -> None:
-    done = subprocess.run([sys.executable, "-c", OPEN_STREAMS], capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run([sys.executable, "-c", OPEN_STREAMS], capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stderr
 
 
@@ -111,18 +125,23 @@ import os, time
 import numpy as np
 import lazygrid
 
+def threads():
+    return len(os.listdir("/proc/self/task"))
+
+# NumPy may have a thread per core.
+before = threads()
 rows = np.zeros((3000, 4), dtype=np.float32)
 detector = lazygrid.Detector(backend="cpu")
 streams = [detector.stream(rows, chunk=1000) for _ in range(8)]
 for stream in streams:
     next(stream)
-assert len(os.listdir("/proc/self/task")) > 32
+assert threads() > before + 31
 for stream in streams:
     stream.close()
-until = time.monotonic() + 20
-while len(os.listdir("/proc/self/task")) > 16 and time.monotonic() < until:
+until = time.monotonic() + 100
+while threads() > before + 14 and time.monotonic() < until:
     time.sleep(0.01)
-print(len(os.listdir("/proc/self/task")))
+print(threads() - before)
 assert len(next(iter(detector.stream(rows)))) == 65536
 """
 
@@ -131,18 +150,18 @@ assert len(next(iter(detector.stream(rows)))) == 65536
 def test_threads_of_closed_streams_end() -> None:
     done = subprocess.run(
         [sys.executable, "-c", CLOSED_STREAMS],
-        capture_output=True, text=True, check=False, timeout=120, env={**os.environ, "RAYON_NUM_THREADS": "4"},
+        capture_output=True, text=True, check=False, timeout=600, env={**os.environ, "RAYON_NUM_THREADS": "4"},
     )
     assert done.returncode == 0, done.stderr
-    assert int(done.stdout) <= 16, done.stdout
+    assert int(done.stdout) <= 14, done.stdout
 
 
 def test_list_of_few_atoms_with_many_images_can_be_interrupted() -> None:
     class Atoms:
         positions, cell, pbc, numbers = np.random.default_rng(1).uniform(size=(2000, 3)), np.eye(3), True, np.ones(2000)
 
-    # Uninterrupted, 1e9 pairs are TooManyPairs.
-    interrupted(lambda: lazygrid.neighbor_list("i", Atoms(), 4.0))
+    # Uninterrupted, 1e9 pairs are TooManyPairs. All processors search.
+    interrupted(lambda: lazygrid.neighbor_list("i", Atoms(), 4.0), seconds=float("inf"))
 
 
 def test_waiting_for_a_pipe_ends(tmp_path: Path) -> None:
@@ -161,9 +180,7 @@ def test_reading_a_pipe_that_is_never_empty_ends(tmp_path: Path) -> None:
     # 100 GB, which take minutes to read.
     rows = f"(echo x,y,z,r,rest; yes 1,2,3,4,{'a' * 10_000} | head -c 100000000000) > '{pipe}'"
     writer = subprocess.Popen(["sh", "-c", rows], stderr=subprocess.DEVNULL)
-    began = time.monotonic()
     interrupted(lambda: lazygrid.read(pipe))
-    assert time.monotonic() - began < 20
     writer.wait()
 
 
@@ -185,51 +202,52 @@ def test_reading_a_long_file_ends(tmp_path: Path) -> None:
         np.lib.format.write_array_header_1_0(file, header)
         # A hole of 400 GB, which takes minutes to read.
         file.truncate(file.tell() + rows * row.itemsize)
-    began = time.monotonic()
     interrupted(lambda: lazygrid.read(path))
-    assert time.monotonic() - began < 20
 
 
 def test_copying_for_a_stream_lets_other_threads_go_on() -> None:
     columns = tuple(np.zeros((6_000_000, 2))[:, 0] for _ in range(4))
-    detector, ticks, done = lazygrid.Detector(backend="cpu", order="unordered"), [], threading.Event()
+    detector = lazygrid.Detector(backend="cpu", order="unordered")
 
-    def tick() -> None:
-        while not done.wait(0.001):
-            ticks.append(time.monotonic())
+    def lets_others_run() -> bool:
+        streams: list[Any] = []
+        others_ran = others_run_during(lambda: streams.append(detector.stream(columns)))
+        streams[0].close()
+        return others_ran
 
-    worker = threading.Thread(target=tick)
-    worker.start()
-    began = time.monotonic()
-    stream = detector.stream(columns)
-    taken = time.monotonic() - began
-    done.set()
-    worker.join()
-    stream.close()
-    # Not at the beginning and the end, when the interpreter's lock may change hands anyway.
-    assert any(0.3 < (at - began) / taken < 0.7 for at in ticks), taken
+    assert any(lets_others_run() for _ in range(TRIES))
+
+
+def child_succeeds(use: Callable[[], bool]) -> bool:
+    """``use`` returns true in a copied process, and does not wait for threads that the copy does not have."""
+    child = os.fork()
+    if child == 0:
+        signal.alarm(200)
+        try:
+            os._exit(0 if use() else 1)
+        except BaseException:
+            os._exit(2)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+def refuses(use: Callable[[], Any]) -> bool:
+    """``use`` raises the error about copied processes."""
+    try:
+        use()
+    except lazygrid.Error as refused:
+        return "spawn" in str(refused)
+    return False
 
 
 def child_refuses(use: Callable[[], Any]) -> bool:
-    """``use`` raises the error about copied processes in a copied process, and does not wait."""
-    child = os.fork()
-    if child == 0:
-        signal.alarm(20)
-        try:
-            use()
-        except lazygrid.Error as refused:
-            os._exit(0 if "spawn" in str(refused) else 1)
-        except BaseException:
-            os._exit(3)
-        os._exit(2)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    return child_succeeds(lambda: refuses(use))
 
 
 COPIED = """
 import os, sys, tempfile
 import numpy as np
 import lazygrid
-from test_interrupt import child_refuses
+from test_interrupt import child_refuses, child_succeeds
 
 line = np.zeros((100_000, 4), dtype=np.float32)
 line[:, 0], line[:, 3] = np.arange(len(line)), 0.5
@@ -258,31 +276,15 @@ with tempfile.TemporaryDirectory() as folder:
 COPIED_DETECTOR = """
 detector, alone = lazygrid.Detector(backend="cpu", threads=2), lazygrid.Detector(backend="cpu", threads=1)
 assert child_refuses(lambda: detector.count(line))
-child = os.fork()
-if child == 0:
-    os._exit(alone.count(line) != len(line) - 1)
-assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+assert child_succeeds(lambda: alone.count(line) == len(line) - 1)
 assert detector.count(line) == len(line) - 1
 """
 COPIED_UNUSED_DETECTOR = """
 detector = lazygrid.Detector(backend="cpu")
-child = os.fork()
-if child == 0:
-    os._exit(detector.count(line) != len(line) - 1)
-assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+assert child_succeeds(lambda: detector.count(line) == len(line) - 1)
 """
 COPIED_LIST = """
-import signal
-
 alone = lazygrid.Detector(backend="cpu", threads=1)
-
-def child_succeeds(use):
-    child = os.fork()
-    if child == 0:
-        signal.alarm(20)
-        os._exit(not use())
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-
 assert len(alone.neighbor_list("ij", line)[0]) == 2 * len(line) - 2
 assert child_succeeds(lambda: lazygrid.Detector(backend="cpu").count(line) == len(line) - 1)
 lazygrid.Detector(backend="cpu").count(line)
@@ -311,7 +313,7 @@ def test_inherited_objects_do_not_wait_for_threads_of_the_parent(use: str) -> No
     # A process of its own, in which no other test has started threads.
     done = subprocess.run(
         [sys.executable, "-W", "ignore", "-c", COPIED + use],
-        capture_output=True, text=True, check=False, timeout=120, cwd=os.path.dirname(__file__),
+        capture_output=True, text=True, check=False, timeout=600, cwd=os.path.dirname(__file__),
     )
     assert done.returncode == 0, done.stderr
 
@@ -321,15 +323,8 @@ def test_inherited_objects_do_not_wait_for_threads_of_the_parent(use: str) -> No
 def test_a_copied_process_does_not_wait_for_threads_that_it_does_not_have() -> None:
     rows = scene(1, 100)
     lazygrid.Detector(backend="cpu").count(rows)
-    child = os.fork()
-    if child == 0:
-        alone = lazygrid.Detector(backend="cpu", threads=1).count(rows) > 0
-        try:
-            lazygrid.Detector(backend="cpu").count(rows)
-        except lazygrid.Error as refused:
-            os._exit(0 if alone and "spawn" in str(refused) else 1)
-        os._exit(2)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    assert child_succeeds(lambda: lazygrid.Detector(backend="cpu", threads=1).count(rows) > 0)
+    assert child_refuses(lambda: lazygrid.Detector(backend="cpu").count(rows))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
@@ -339,15 +334,12 @@ def test_a_stream_in_a_copied_process_refuses_to_wait_for_its_thread() -> None:
     for threads in (1, 2):
         stream = lazygrid.Detector(backend="cpu", threads=threads).stream(rows, chunk=10)
         next(stream)
-        child = os.fork()
-        if child == 0:
-            signal.alarm(60)
-            try:
-                next(stream)
-            except lazygrid.Error as refused:
-                stream.close()
-                os._exit(0 if "spawn" in str(refused) else 1)
-            os._exit(2)
-        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+        def is_refused_and_closes() -> bool:
+            is_refused = refuses(lambda: next(stream))
+            stream.close()
+            return is_refused
+
+        assert child_succeeds(is_refused_and_closes)
         assert len(next(stream)) > 0
         stream.close()

@@ -185,7 +185,7 @@ except lazygrid.SettingError as refused:
 @pytest.mark.skipif(sys.platform != "linux", reason="limits and the mapped memory are told by Linux")
 def test_memory_refused_within_a_run_is_an_error() -> None:
     run = [sys.executable, "-c", RUNS]
-    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stderr
 
 
@@ -199,7 +199,7 @@ def test_refused_threads_are_an_error(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("x,y,z,r\n1,2,3,4\n")
     run = [sys.executable, "-c", THREADS, str(path)]
-    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stderr
 
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import on_gpu
 
 import lazygrid
 from lazygrid import Simulation
@@ -241,12 +242,9 @@ def test_simulation_in_use_by_another_thread_is_refused() -> None:
     assert refused > 0 and run.step_count == 20_000
 
 
-def on_gpu() -> Simulation:
+def gpu_run() -> Simulation:
     scenario = {name: value for name, value in SCENARIO.items() if name != "reaction"}
-    try:
-        return Simulation(scenario, backend="gpu")
-    except lazygrid.Error as error:
-        pytest.skip(str(error))
+    return on_gpu(lambda: Simulation(scenario, backend="gpu"))
 
 
 def test_algorithms_of_the_cpu_are_refused_on_a_gpu() -> None:
@@ -256,7 +254,7 @@ def test_algorithms_of_the_cpu_are_refused_on_a_gpu() -> None:
 
 
 def test_gpu_runs_take_changes() -> None:
-    run = on_gpu()
+    run = gpu_run()
     run.step(3)
     ids = run.emit("tx", 10, "a")
     assert run.remove(ids[:4]) == 4
@@ -266,7 +264,7 @@ def test_gpu_runs_take_changes() -> None:
 
 
 def test_gpu_runs_log_the_steps_of_arrivals() -> None:
-    at_once, one_by_one = on_gpu(), on_gpu()
+    at_once, one_by_one = gpu_run(), gpu_run()
     at_once.step(50)
     rows: list[tuple[int, ...]] = []
     for step in range(1, 51):
