@@ -9,8 +9,13 @@ from typing import TypeVar, Union
 import numpy as np
 import numpy.typing as npt
 import pytest
+from hypothesis import HealthCheck, settings
 
 import lazygrid
+
+# A busy machine is no fault.
+settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("busy")
 
 Rows = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]
@@ -20,7 +25,7 @@ Made = TypeVar("Made")
 
 
 def on_gpu(make: Callable[[], Made]) -> Made:
-    """What ``make`` makes on a GPU. Without one the test is skipped, or fails if ``LAZYGRID_REQUIRE_GPU`` is set."""
+    """The result of ``make`` on a GPU. Without one the test is skipped, or fails if ``LAZYGRID_REQUIRE_GPU`` is set."""
     try:
         return make()
     except lazygrid.Error as error:

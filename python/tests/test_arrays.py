@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import Doubles, Rows, brute_force, brute_force_across, scene
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as some
 
 import lazygrid
@@ -218,7 +218,6 @@ def test_lengths_and_distances_are_not_rounded(kind: Any) -> None:
     offset=some.sampled_from([0.0, 1.0, -1e7]),
     lengths=some.tuples(*[some.none() | some.floats(2, 20)] * 3),
 )
-@settings(deadline=None)
 def test_any_doubles(
     seed: int, count: int, exponent: int, offset: float, lengths: tuple[float | None, ...]
 ) -> None:

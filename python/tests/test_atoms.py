@@ -88,7 +88,6 @@ def test_every_atom_its_own_neighbor() -> None:
     lengths=some.tuples(*[some.floats(5, 12)] * 3),
     seed=some.integers(0, 1 << 30),
 )
-@settings(deadline=None)
 def test_any_atoms(
     count: int, cutoff: float, pbc: tuple[bool, ...], lengths: tuple[float, ...], seed: int
 ) -> None:
@@ -215,7 +214,7 @@ def test_cells_that_lean() -> None:
     pbc=some.tuples(some.booleans(), some.booleans(), some.booleans()),
     seed=some.integers(0, 1 << 30),
 )
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_any_cell(
     count: int,
     tilts: tuple[float, ...],

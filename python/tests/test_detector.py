@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import Rows, brute_force, brute_force_of_edges, scene
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as some
 from hypothesis.extra.numpy import arrays
 from scipy.spatial import cKDTree
@@ -41,7 +41,6 @@ def test_pairs_are_those_of_the_definition(spheres: Rows, algorithm: str) -> Non
 
 
 @given(rows=ROWS)
-@settings(deadline=None)
 def test_any_spheres(rows: Rows) -> None:
     detector = Detector(backend="cpu")
     expected = brute_force(rows)
@@ -51,7 +50,6 @@ def test_any_spheres(rows: Rows) -> None:
 
 
 @given(rows=ROWS, lengths=some.tuples(*[some.none() | some.floats(0.5, 20, width=32)] * 3))
-@settings(deadline=None)
 def test_any_periodic_box(rows: Rows, lengths: tuple[float | None, float | None, float | None]) -> None:
     found = Detector(backend="cpu", periodic=lengths).pairs(rows)
     np.testing.assert_array_equal(found, brute_force(rows, lengths))

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 from conftest import Rows, brute_force, brute_force_of_edges, scene
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as some
 
 import lazygrid
@@ -90,7 +90,6 @@ def test_two_sets_leave_out_groups_and_lists(periodic: Any) -> None:
     kinds=some.integers(1, 6),
     share=some.floats(0, 1),
 )
-@settings(deadline=None)
 def test_any_groups_and_lists(count: int, seed: int, kinds: int, share: float) -> None:
     rows, random = scene(seed, count, box=2.0), np.random.default_rng(seed)
     groups = random.choice([*range(kinds), NO_GROUP], count).astype(np.uint32)
