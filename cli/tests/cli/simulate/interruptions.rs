@@ -10,6 +10,10 @@ use lazygrid_tests::running::Running;
 use super::{SCENARIO, files, lazygrid};
 use crate::LAZYGRID;
 
+/// Two threads on any machine take seconds for 32 runs, and a signal comes in time if others keep it busy.
+pub(crate) const LONG: [&str; 8] =
+    ["--threads", "2", "--steps", "4000", "--series-every", "400", "--frames-every", "4000"];
+
 fn endless(scenario: &str, out: &str) -> Running {
     let rare = ["--steps", "100000000", "--series-every", "1000000", "--frames-every", "100000000"];
     begun(&[&["simulate", scenario, "--output", out][..], &rare].concat(), &(out.to_owned() + "/checkpoint"))

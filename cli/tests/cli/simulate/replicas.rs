@@ -1,5 +1,7 @@
 use std::fs;
 
+#[cfg(unix)]
+use super::interruptions::{LONG, begun};
 use super::{SCENARIO, files, lazygrid, rows};
 use lazygrid_tests::command::Scratch;
 
@@ -128,9 +130,8 @@ fn interrupted_replicas_leave_the_finished_ones() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);
     let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
-    let args = |out| ["simulate", &scenario, "--output", out, "--replicas", "32"];
-    let ended =
-        super::interruptions::begun(&args(&out), &(out.clone() + "/replica-0004/checkpoint")).end("-INT");
+    let args = |out| [&["simulate", &scenario, "--output", out, "--replicas", "32"][..], &LONG].concat();
+    let ended = begun(&args(&out), &(out.clone() + "/replica-0004/checkpoint")).end("-INT");
     let message = String::from_utf8(ended.stderr).unwrap();
     assert_eq!(ended.status.code(), Some(130), "{message}");
     assert!(

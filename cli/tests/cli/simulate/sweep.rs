@@ -1,5 +1,7 @@
 use std::fs;
 
+#[cfg(unix)]
+use super::interruptions::{LONG, begun};
 use super::{SCENARIO, files, lazygrid, rows};
 use lazygrid_tests::command::Scratch;
 
@@ -195,10 +197,11 @@ fn interrupted_sweep_resumes() {
     let scenario = scratch.write("s.toml", SCENARIO);
     let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
     let sweep = "species.acid.diffusion=1,2,3,4,5,6,7,8";
-    let args = |out| ["simulate", &scenario, "--output", out, "--sweep", sweep, "--replicas", "4"];
-    let ended =
-        super::interruptions::begun(&args(&out), &(out.clone() + "/point-0001/replica-0000/checkpoint"))
-            .end("-INT");
+    let args = |out| {
+        let args = ["simulate", &scenario, "--output", out, "--sweep", sweep, "--replicas", "4"];
+        [&args[..], &LONG].concat()
+    };
+    let ended = begun(&args(&out), &(out.clone() + "/point-0001/replica-0000/checkpoint")).end("-INT");
     let message = String::from_utf8(ended.stderr).unwrap();
     assert_eq!(ended.status.code(), Some(130), "{message}");
     let says =
