@@ -197,7 +197,12 @@ fn wrong_answer_is_an_error_with_closed_output() {
 
 #[test]
 fn wrong_usage_is_refused() {
-    assert_eq!(bench(["figures", "--only", "6"]).code, Some(2));
-    assert_eq!(bench(["figures", "--quick", "--smoke"]).code, Some(2));
-    assert_eq!(bench(["compare", "/nowhere", "/nowhere"]).code, Some(1));
+    for (args, code, message) in [
+        (&["figures", "--only", "6"][..], 2, "invalid value '6' for '--only"),
+        (&["figures", "--quick", "--smoke"], 2, "'--quick' cannot be used with '--smoke'"),
+        (&["compare", "/nowhere", "/nowhere"], 1, "/nowhere/results.json: cannot read"),
+    ] {
+        let run = bench(args);
+        assert!(run.code == Some(code) && run.err.contains(message), "{args:?}: {}", run.err);
+    }
 }

@@ -67,17 +67,3 @@ fn a_seed_is_a_round() {
     let run = LAZYGRID.run(["check", "--seed", "7", "--backend", "cpu"]).succeeds();
     assert!(run.out.contains("starting with seed 7") && run.out.contains("all right"), "{}", run.out);
 }
-
-#[test]
-fn options_that_contradict_each_other_are_refused() {
-    for args in [
-        &["--backend", "cpu", "--adapter", "0"][..],
-        &["--quick", "--full"],
-        &["--seed", "1", "--fuzz", "1"],
-        &["--fuzz", "0"],
-        &["--backend", "auto"],
-    ] {
-        let run = LAZYGRID.run([&["check"], args].concat());
-        assert_eq!(run.code, Some(2), "{args:?}: {}", run.err);
-    }
-}

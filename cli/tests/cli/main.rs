@@ -276,10 +276,18 @@ fn periodic_box_has_pairs_across_its_boundary() {
     assert_eq!(pairs("10,-,-"), Some(1));
     assert_eq!(pairs("10,10,5"), Some(3));
     assert_eq!(pairs("none"), Some(0));
-    for lengths in ["10", "10,10", "10,10,0", "10,10,-1", "10,x,10", "1,1,1,1", "inf,1,1"] {
+    for (lengths, message) in [
+        ("10", "expected three lengths"),
+        ("10,10", "expected three lengths"),
+        ("1,1,1,1", "expected three lengths"),
+        ("10,x,10", "'x' is neither a length nor -"),
+        ("10,10,0", "the length 0 is not a finite number above zero; write - for an axis"),
+        ("0,1,1", "the length 0 is not a finite number above zero; write - for an axis"),
+        ("10,10,-1", "the length -1 is not a finite number above zero"),
+        ("inf,1,1", "the length inf is not a finite number above zero"),
+    ] {
         let run = lazygrid(["detect", &file, "--periodic", lengths]);
         assert_eq!(run.code, Some(2), "{lengths}: {}", run.err);
+        assert!(run.err.contains(message), "{lengths}: {}", run.err);
     }
-    let zero = lazygrid(["detect", &file, "--periodic", "0,1,1"]).err;
-    assert!(zero.contains("the length 0 is not a finite number above zero; write - for an axis"), "{zero}");
 }

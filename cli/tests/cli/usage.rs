@@ -5,32 +5,37 @@ use crate::{LAZYGRID, lazygrid};
 #[test]
 fn wrong_usage_has_its_own_exit_code() {
     let pour = data("lammps-pour.dump");
-    for args in [
-        &[][..],
-        &["detect"],
-        &["invent"],
-        &["detect", &pour, "--format", "pdb"],
-        &["detect", &pour, "--radius", "acid"],
-        &["detect", &pour, "--radius", "acid=-1"],
-        &["detect", &pour, "--radius", "acid=inf"],
-        &["detect", &pour, "--algorithm", "magic"],
-        &["detect", &pour, "--backend", "cpu", "--algorithm", "lazy-grid"],
-        &["detect", &pour, "--cell-ratio", "99"],
-        &["detect", &pour, "--threads", "0"],
-        &["detect", &pour, "--tau", "many"],
-        &["detect", &pour, "--output", "pairs.txt"],
-        &["detect", &pour, "--count", "--output", "pairs.csv"],
-        &["detect", &pour, "--count", "--neighbors"],
-        &["detect", &pour, "--unordered", "--neighbors"],
-        &["generate", "equal", "--output", "a.npy"],
-        &["generate", "equal", "-n", "5", "--output", "a.dump"],
-        &["generate", "equal", "-n", "4294967295", "--output", "a.npy"],
-        &["generate", "cube", "-n", "5", "--output", "a.npy"],
-        &["completions", "basic"],
+    for (args, message) in [
+        (&[][..], "Usage: lazygrid <COMMAND>"),
+        (&["detect"], "<FILE>"),
+        (&["invent"], "unrecognized subcommand 'invent'"),
+        (&["detect", &pour, "--format", "pdb"], "invalid value 'pdb' for '--format"),
+        (&["detect", &pour, "--radius", "acid"], "expected SPECIES=R"),
+        (&["detect", &pour, "--radius", "acid=-1"], "the radius '-1' must be"),
+        (&["detect", &pour, "--radius", "acid=inf"], "the radius 'inf' must be"),
+        (&["detect", &pour, "--algorithm", "magic"], "invalid value 'magic' for '--algorithm"),
+        (&["detect", &pour, "--backend", "cpu", "--algorithm", "lazy-grid"], "not run on the cpu backend"),
+        (&["detect", &pour, "--cell-ratio", "99"], "expected a number from 0.5 to 16"),
+        (&["detect", &pour, "--threads", "0"], "expected a whole number above zero"),
+        (&["detect", &pour, "--tau", "many"], "invalid value 'many' for '--tau"),
+        (&["detect", &pour, "--output", "pairs.txt"], "pairs.txt: unknown output format"),
+        (&["detect", &pour, "--count", "--output", "pairs.csv"], "'--count' cannot be used with '--output"),
+        (&["detect", &pour, "--count", "--neighbors"], "'--count' cannot be used with '--neighbors'"),
+        (&["detect", &pour, "--unordered", "--neighbors"], "'--unordered' cannot be used with '--neighbors'"),
+        (&["generate", "equal", "--output", "a.npy"], "--spheres <N>"),
+        (&["generate", "equal", "-n", "5", "--output", "a.dump"], "'a.dump' does not end in .npy"),
+        (&["generate", "equal", "-n", "4294967295", "--output", "a.npy"], "not in 0..=4294967294"),
+        (&["generate", "cube", "-n", "5", "--output", "a.npy"], "invalid value 'cube' for '<SCENE>'"),
+        (&["completions", "basic"], "invalid value 'basic' for '<SHELL>'"),
+        (&["check", "--backend", "cpu", "--adapter", "0"], "adapter '0' and the cpu backend exclude"),
+        (&["check", "--quick", "--full"], "'--quick' cannot be used with '--full'"),
+        (&["check", "--seed", "1", "--fuzz", "1"], "'--seed <S>' cannot be used with '--fuzz"),
+        (&["check", "--fuzz", "0"], "expected a number of seconds above zero"),
+        (&["check", "--backend", "auto"], "invalid value 'auto' for '--backend"),
     ] {
         let run = lazygrid(args);
         assert_eq!(run.code, Some(2), "{args:?}: {}", run.err);
-        assert!(!run.err.is_empty() && run.out.is_empty(), "{args:?}");
+        assert!(run.err.contains(message) && run.out.is_empty(), "{args:?}: {}", run.err);
     }
 }
 
