@@ -2,11 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+mod common;
+
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use common::run_two_ranks;
 use lazygrid_sim::State;
 use lazygrid_sim::run::Run;
 use lazygrid_sim::run::checkpoint::Checkpoint;
@@ -148,23 +151,13 @@ fn an_error_is_printed_once() {
     assert!(!Path::new(&at("out")).exists());
 }
 
-fn run_two_ranks(arguments: [&[&str]; 2], code: i32) -> String {
-    // Exit codes of ranks that Open MPI ends are unreliable.
-    let command = env!("CARGO_BIN_EXE_lazygrid-mpi");
-    let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", command, "simulate"];
-    let [one, other] = arguments;
-    let output = Command::new("mpirun")
-        .args(["--oversubscribe", "--timeout", "300"])
-        .args([&rank[..], one, &[":"], &rank[..], other].concat())
-        .output()
-        .unwrap();
-    let [out, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
-    assert_eq!(out.matches(&format!("code {code}\n")).count(), 2, "{arguments:?}: {out}{said}");
-    said
+fn simulate_on_two(arguments: [&[&str]; 2], code: i32) -> String {
+    let [one, other] = arguments.map(|arguments| [&["simulate"], arguments].concat());
+    run_two_ranks(Path::new("."), [&one, &other], code)
 }
 
 fn error_of_two(arguments: [&[&str]; 2]) -> String {
-    let said = run_two_ranks(arguments, 2);
+    let said = simulate_on_two(arguments, 2);
     let errors: Vec<_> = said.lines().filter(|line| line.starts_with("error: ")).collect();
     assert_eq!(errors.len(), 1, "{said}");
     errors[0].to_owned()
@@ -176,7 +169,7 @@ fn threads_may_be_given_to_some_ranks_only() {
     let (burst, output) = (scenario("burst"), directory.path().join("out"));
     let base = [burst.to_str().unwrap(), "-o", output.to_str().unwrap(), "--steps", "1"];
     let with_threads = [&base[..], &["--threads", "1"]].concat();
-    run_two_ranks([&base, &with_threads], 0);
+    simulate_on_two([&base, &with_threads], 0);
 }
 
 #[test]

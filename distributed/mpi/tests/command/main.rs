@@ -2,11 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "../common/mod.rs"]
+mod common;
 mod precision;
 
 use std::path::Path;
 use std::process::{Command, Output};
 
+use common::run_two_ranks;
 use lazygrid::{Backend, Detector, Space, Sphere, Spheres};
 
 fn run(ranks: usize, directory: &Path, arguments: &[&str]) -> Output {
@@ -150,21 +153,6 @@ fn input_error_is_printed_once_with_its_location() {
     assert!(said.contains("error: rank 0: pairs.txt: unknown output format"), "{said}");
     let said = error(2, directory.path(), &["bad.npy", "--gather"], 2);
     assert!(said.contains("--output <FILE>"), "{said}");
-}
-
-fn run_two_ranks(directory: &Path, arguments: [&[&str]; 2], code: i32) -> String {
-    // Exit codes of ranks that Open MPI ends are unreliable.
-    let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", env!("CARGO_BIN_EXE_lazygrid-mpi")];
-    let [one, other] = arguments;
-    let output = Command::new("mpirun")
-        .args(["--oversubscribe", "--timeout", "300"])
-        .args([&rank[..], one, &[":"], &rank[..], other].concat())
-        .current_dir(directory)
-        .output()
-        .unwrap();
-    let [out, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
-    assert_eq!(out.matches(&format!("code {code}\n")).count(), 2, "{arguments:?}: {out}{said}");
-    said
 }
 
 #[test]
