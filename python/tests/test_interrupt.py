@@ -116,7 +116,8 @@ assert first[0].tolist() == [0, 1]
 
 
 def test_open_streams_block_no_other_call() -> None:
-    done = subprocess.run([sys.executable, "-c", OPEN_STREAMS], capture_output=True, text=True, check=False, timeout=600)
+    run = [sys.executable, "-c", OPEN_STREAMS]
+    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 0, done.stderr
 
 

@@ -27,7 +27,7 @@ shape = { kind = \"gaussian\", width = 40.0 }
 release = [{ species = \"A\", count = COUNT }, { species = \"B\", count = COUNT }]
 ";
 
-/// More than any refused request here would leave on a machine with terabytes of memory.
+/// Less than each refused request needs, on a machine with any amount of memory.
 const MANY_MEBIBYTES: u64 = 16 << 10;
 
 fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {

@@ -218,7 +218,7 @@ fn resumed_sweep_looks_only_at_replicas_that_exist() {
     assert!(said.contains("the disk has"), "{said}");
 }
 
-/// A run that ignores the signal is ended by another after 20 s of processor time, of hours.
+/// A run that ignored the signal would take hours. After 20 s of processor time another signal ends it.
 #[test]
 fn billions_of_replicas_take_no_memory_and_obey_sigterm() {
     let scratch = Scratch::new();

@@ -10,7 +10,7 @@ use lazygrid_tests::running::Running;
 use super::{SCENARIO, files, lazygrid};
 use crate::LAZYGRID;
 
-/// Two threads on any machine take seconds for 32 runs, and a signal comes in time if others keep it busy.
+/// Options of 32 runs that take seconds on any number of cores, so a signal comes in time on a busy machine.
 pub(crate) const LONG: [&str; 8] =
     ["--threads", "2", "--steps", "4000", "--series-every", "400", "--frames-every", "4000"];
 
