@@ -1,3 +1,4 @@
+use lazygrid::gpu::Crossover;
 use lazygrid_tests::skip;
 
 use super::*;
@@ -111,12 +112,14 @@ fn the_calibration_is_stored_and_used() {
     let run = LAZYGRID.run_with_cache(&cache, &["calibrate"]).succeeds();
     assert!(run.out.contains(&lazygrid::gpu::adapters()[0].name) && run.out.contains(&file), "{}", run.out);
     let stored: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
-    let below = stored["calibrations"][0]["naive_below"].as_u64().unwrap();
+    let [below, per_class] = ["naive_below", "per_class"]
+        .map(|name| stored["calibrations"][0][name].as_u64().unwrap().try_into().unwrap());
     assert!(stored["calibrations"][0]["skin"]["search_ns"].as_f64().unwrap() > 0.0, "{stored}");
     assert!(run.out.contains("nanoseconds for each sphere"), "{}", run.out);
     let (measured, _) = reason();
     assert!(measured.contains("(measured on this adapter)"), "{measured}");
-    let at = below + 2 * stored["calibrations"][0]["per_class"].as_u64().unwrap();
+    // The pour has three sizes.
+    let at = Crossover::new(below, per_class).for_classes(3);
     assert!(measured.contains(&format!(" {at} ")), "{measured}, {stored}");
 
     let other = fs::read_to_string(&file).unwrap().replace(env!("CARGO_PKG_VERSION"), "0.0.0");

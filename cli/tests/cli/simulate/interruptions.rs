@@ -12,7 +12,7 @@ use crate::LAZYGRID;
 
 /// Options of 32 runs that take seconds on any number of cores, so a signal comes in time on a busy machine.
 pub(crate) const LONG: [&str; 8] =
-    ["--threads", "2", "--steps", "4000", "--series-every", "400", "--frames-every", "4000"];
+    ["--threads", "2", "--steps", "200", "--series-every", "100", "--frames-every", "200"];
 
 fn endless(scenario: &str, out: &str) -> Running {
     let rare = ["--steps", "100000000", "--series-every", "1000000", "--frames-every", "100000000"];
