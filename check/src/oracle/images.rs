@@ -37,7 +37,8 @@ impl ImageOracle {
             shift[*k] = -row.dot(apart).round();
         }
         let folded = self.image(apart, shift);
-        if cutoff.is_finite() && folded.length() <= cutoff {
+        // Not by the length: if it rounds to `cutoff`, another image may be the one within.
+        if squared(folded) <= cutoff * cutoff && cutoff.is_finite() {
             return squared(folded);
         }
         // The folded image bounds the search: the nearest is no longer.
@@ -134,6 +135,16 @@ mod tests {
         let flat = oracle([Some(DVec3::X * 0.5), Some(DVec3::new(1.375, 1.0, 0.0)), None]);
         let apart = DVec3::new(-0.25, 2.75, 0.25);
         assert_eq!(flat.distance_squared(apart, f64::INFINITY), 0.140625);
+        // The nearest image in each direction alone is beyond the cutoff by rounding, another one is within.
+        let skewed = oracle([
+            Some(DVec3::new(1.0000000359391298e-36, 0.0, 0.0)),
+            Some(DVec3::new(0.0, 6.999999982524604e-36, 0.0)),
+            Some(DVec3::new(-5.000000179695649e-37, 1.5000000987502456e-36, 2.5000000450062737e-36)),
+        ]);
+        let [one, other] = [[-1e-36_f32, 5.2500003e-36, 1.75e-36], [-1.5000001e-36, 4e-36, -5.75e-36]];
+        let apart = DVec3::from_array(std::array::from_fn(|k| f64::from(one[k]) - f64::from(other[k])));
+        let cutoff = f64::from(1.5000001e-36_f32) + f64::from(1.75e-36_f32);
+        assert!(skewed.distance_squared(apart, cutoff) < 0.95 * cutoff * cutoff);
         let line = oracle([None, Some(DVec3::new(3.0, 4.0, 0.0)), None]);
         assert_eq!(at(&line, 6.0, 8.0, 1.0), 1.0);
     }
