@@ -1,5 +1,5 @@
-//! The report of a run. Its page identifies the other files: it contains the plots, and in its last line the checksums
-//! of the tables.
+//! The report of a run. Its page contains the plots and, in its last line, the checksums of the tables. It thus
+//! identifies the other files.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, Write};

@@ -77,21 +77,24 @@ impl Mapping {
         wait: Wait,
     ) -> Result<(), Error> {
         let until = wgpu::PollType::Wait { submission_index: submission, timeout: Some(timeout) };
-        match self.answer.wait_for(device, until.clone(), wait).await? {
-            Answer::Mapped => return Ok(()),
-            Answer::Failed(error) => return Err(error),
-            Answer::Dropped => {}
+        let mut answer = self.answer.wait_for(device, until.clone(), wait).await?;
+        if let Answer::Dropped = answer {
+            let again = with_error_scope(device, "a second request for a readback", 0, || {
+                // The buffer may be mapped, because the mapping precedes the callback.
+                self.buffer.unmap();
+                Self::request(&self.buffer)
+            })?;
+            answer = again.answer.wait_for(device, until, wait).await?;
         }
-        let again = with_error_scope(device, "a second request for a readback", 0, || {
-            // The buffer may be mapped, because the mapping precedes the callback.
-            self.buffer.unmap();
-            Self::request(&self.buffer)
-        })?;
-        match again.answer.wait_for(device, until, wait).await? {
+        match answer {
             Answer::Mapped => Ok(()),
             Answer::Failed(error) => Err(error),
             Answer::Dropped => Err(Error::DeviceLost { reason: "no answer to a readback".to_owned() }),
         }
+    }
+
+    pub(crate) fn buffer(&self) -> &wgpu::Buffer {
+        &self.buffer
     }
 
     /// Returns the contents of the buffer, which must be mapped.

@@ -63,7 +63,6 @@ pub struct SubmissionCounts {
 pub(super) struct PendingReadback {
     pub(super) device: wgpu::Device,
     pub(super) submission: wgpu::SubmissionIndex,
-    pub(super) staging: wgpu::Buffer,
     pub(super) mapping: Mapping,
     pub(super) staged: u64,
     pub(super) submitted: Submitted,
@@ -93,7 +92,7 @@ impl Submitted {
 impl Drop for PendingReadback {
     fn drop(&mut self) {
         // A lost device has nothing to unmap.
-        let _ = with_error_scope(&self.device, "unmapping", 0, || self.staging.unmap());
+        let _ = with_error_scope(&self.device, "unmapping", 0, || self.mapping.buffer().unmap());
     }
 }
 

@@ -199,7 +199,7 @@ impl GpuSession {
     /// Returns the bytes of input and staging buffers.
     pub fn held_bytes(&self) -> u64 {
         let pending = self.slots.iter().filter_map(|slot| slot.pending.as_ref());
-        let staging = pending.map(|pending| pending.staging.size());
+        let staging = pending.map(|pending| pending.mapping.buffer().size());
         self.slots.iter().map(|slot| slot.buffers.device_bytes()).chain(staging).sum()
     }
 

@@ -96,8 +96,7 @@ impl GpuSession {
             detector.note_submitted();
         }
         let device = gpu.device.clone();
-        slot.pending =
-            Some(PendingReadback { device, submission, staging, mapping, staged, submitted, plan });
+        slot.pending = Some(PendingReadback { device, submission, mapping, staged, submitted, plan });
         self.submitted = Some((number, output));
         Ok(())
     }
@@ -139,7 +138,7 @@ impl GpuSession {
         if let Some(plan) = pending.plan.take() {
             self.last.plan = Some(plan);
         }
-        let staging = pending.staging.clone();
+        let staging = pending.mapping.buffer().clone();
         drop(pending);
         self.slot_mut(number).buffers.return_staging(staging);
         self.time("read", start.elapsed());
